@@ -1,0 +1,1 @@
+"""Making the detector's model: data synthesis, network, training and quantisation. Needs the extra `train`."""
