@@ -1,0 +1,179 @@
+"""The closed centreline of a route: where along it (s_m) and how far to its left (d_m) a point on the track lies.
+
+Knows points in metres on the track plane and the lane's half-widths at them. Knows no picture, no camera, no car and no
+time. (s, d) is the curvilinear frame of road vehicles: s_m grows in the direction of travel, d_m is positive to the left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dnb_edge.errors import InputError
+from dnb_edge.values import PointM, Points
+
+Floats = NDArray[np.float64]
+
+_BLOCK = 512
+"""Points located at a time: bounds the (points x segments) matrices to a few MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Centreline:
+    """A closed polyline in the order of travel; the last point joins the first, which is not repeated.
+
+    All arrays are read-only. Two centrelines are equal where their points and half-widths are, bit for bit.
+    """
+
+    points_m: Points
+    """Shape (n, 2), track m, n >= 3, evenly spaced along the route as far as chords allow."""
+    half_left_m: Floats
+    """Shape (n,), metres from each point to the lane's left edge, positive."""
+    half_right_m: Floats
+    """Shape (n,), metres from each point to the lane's right edge, positive."""
+    s_m: Floats = field(init=False, repr=False)
+    """Shape (n,), arc length of each point along the polyline; s_m[0] is 0."""
+    length_m: float = field(init=False)
+    """Length of the closed polyline."""
+    _lengths_m: Floats = field(init=False, repr=False)
+    _tangents: Points = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Raises `InputError` for shapes that do not fit, repeated neighbours or half-widths that are not positive."""
+        points = np.array(self.points_m, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 3 or not np.isfinite(points).all():
+            raise InputError(
+                f"centreline: needs at least three finite points (x, y), got an array of shape {points.shape}"
+            )
+        chords = np.roll(points, -1, axis=0) - points
+        lengths = np.hypot(chords[:, 0], chords[:, 1])
+        if not (lengths > 0).all():
+            raise InputError(f"centreline: point {int(np.argmin(lengths))} is repeated")
+        s_m = np.concatenate(([0.0], np.cumsum(lengths)))
+        for name in ("half_left_m", "half_right_m"):
+            widths = np.array(getattr(self, name), dtype=np.float64)
+            if widths.shape != (len(points),) or not (np.isfinite(widths) & (widths > 0)).all():
+                raise InputError(f"centreline: {name} must hold one positive number for each of {len(points)} points")
+            self._set(name, widths)
+        self._set("points_m", points)
+        self._set("s_m", s_m[:-1].copy())
+        self._set("_lengths_m", lengths)
+        self._set("_tangents", chords / lengths[:, None])
+        object.__setattr__(self, "length_m", float(s_m[-1]))
+
+    def _set(self, name: str, array: Floats) -> None:
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Centreline):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in _STORED)
+
+    def __hash__(self) -> int:
+        return hash(tuple(getattr(self, name).tobytes() for name in _STORED))
+
+    def locate(self, points_m: Points) -> tuple[Floats, Floats]:
+        """(s_m, d_m), each (n,), of points (n, 2), track m: the projection on the nearest segment of the whole route.
+
+        s_m is in [0, length_m); d_m is the distance to the centreline, positive to the left of the direction of travel.
+        """
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
+        everywhere = np.arange(len(self.points_m))
+        blocks = [self._project(points[i : i + _BLOCK], everywhere) for i in range(0, len(points), _BLOCK)]
+        if not blocks:
+            return np.empty(0), np.empty(0)
+        return np.concatenate([s for s, _ in blocks]), np.concatenate([d for _, d in blocks])
+
+    def locate_near(self, point_m: PointM, *, s_hint_m: float, window_m: float) -> tuple[float, float]:
+        """(s_m, d_m) of one point, track m, on the stretch of the route within `window_m` of `s_hint_m` along it.
+
+        For routes whose branches come near each other: the hint is where the car was last.
+        """
+        n = len(self.points_m)
+        if 2 * window_m >= self.length_m:
+            segments = np.arange(n)
+        else:
+            first, last = self._segment_at(s_hint_m - window_m), self._segment_at(s_hint_m + window_m)
+            segments = np.arange(first, last + 1 + (n if last < first else 0)) % n
+        s_m, d_m = self._project(np.asarray(point_m, dtype=np.float64).reshape(1, 2), segments)
+        return float(s_m[0]), float(d_m[0])
+
+    def direction_at(self, s_m: float) -> tuple[float, float]:
+        """Unit vector of travel, track plane, at `s_m` (any real number, taken round the route)."""
+        x, y = self._tangents[self._segment_at(s_m)]
+        return float(x), float(y)
+
+    def point_at(self, s_m: float, d_m: float = 0.0) -> PointM:
+        """The point, track m, at `s_m` (any real number, taken round the route) and `d_m` to the left of the centreline."""
+        i = self._segment_at(s_m)
+        along = s_m % self.length_m - float(self.s_m[i])
+        x, y = self.points_m[i]
+        tx, ty = self._tangents[i]
+        return float(x + along * tx - d_m * ty), float(y + along * ty + d_m * tx)
+
+    def points_at(self, s_m: Floats) -> Points:
+        """The points (n, 2), track m, of the centreline at the arc lengths `s_m` (n,), each taken round the route."""
+        s = np.mod(np.asarray(s_m, dtype=np.float64).reshape(-1), self.length_m)
+        i = np.clip(np.searchsorted(self.s_m, s, side="right") - 1, 0, len(self.s_m) - 1)
+        points: Points = self.points_m[i] + (s - self.s_m[i])[:, None] * self._tangents[i]
+        return points
+
+    def half_widths_at(self, s_m: float) -> tuple[float, float]:
+        """(left, right) metres from the centreline to the lane's edges at `s_m`, linear between the points."""
+        i = self._segment_at(s_m)
+        j = (i + 1) % len(self.points_m)
+        share = (s_m % self.length_m - float(self.s_m[i])) / float(self._lengths_m[i])
+        left = self.half_left_m[i] + share * (self.half_left_m[j] - self.half_left_m[i])
+        right = self.half_right_m[i] + share * (self.half_right_m[j] - self.half_right_m[i])
+        return float(left), float(right)
+
+    def outside_by_m(self, s_m: float, d_m: float) -> float:
+        """Metres by which a point at (s_m, d_m) lies beyond the lane's edge; negative inside the lane."""
+        left, right = self.half_widths_at(s_m)
+        return d_m - left if d_m >= 0 else -d_m - right
+
+    def reversed(self) -> Self:
+        """The same route driven the other way; s_m starts at the same point."""
+        order = -np.arange(len(self.points_m))
+        return type(self)(
+            points_m=self.points_m[order], half_left_m=self.half_right_m[order], half_right_m=self.half_left_m[order]
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types; `from_dict` gives back an equal centreline, bit for bit."""
+        return {name: getattr(self, name).tolist() for name in _STORED}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """The centreline that `to_dict` wrote. Raises `InputError` where the numbers make no centreline."""
+        try:
+            return cls(**{name: np.asarray(data[name], dtype=np.float64) for name in _STORED})
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"centreline: {error!r} in its stored form") from error
+
+    def _segment_at(self, s_m: float) -> int:
+        if not math.isfinite(s_m):
+            raise ValueError(f"s_m must be finite, not {s_m!r}")
+        return max(int(np.searchsorted(self.s_m, s_m % self.length_m, side="right")) - 1, 0)
+
+    def _project(self, points: Points, segments: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Nearest projection of points (m, 2) on the segments (k,), as (s_m, d_m), each (m,)."""
+        tangents, lengths = self._tangents[segments], self._lengths_m[segments]
+        dx = points[:, 0, None] - self.points_m[segments, 0]
+        dy = points[:, 1, None] - self.points_m[segments, 1]
+        along = np.clip(dx * tangents[:, 0] + dy * tangents[:, 1], 0.0, lengths)
+        apart = (dx - along * tangents[:, 0]) ** 2 + (dy - along * tangents[:, 1]) ** 2
+        best = np.argmin(apart, axis=1)
+        rows = np.arange(len(points))
+        side = tangents[best, 0] * dy[rows, best] - tangents[best, 1] * dx[rows, best]
+        s_m = self.s_m[segments[best]] + along[rows, best]
+        s_m[s_m >= self.length_m] -= self.length_m
+        return s_m, np.copysign(np.sqrt(apart[rows, best]), side)
+
+
+_STORED = ("points_m", "half_left_m", "half_right_m")

@@ -1,0 +1,139 @@
+"""Camera pixels to metres on the track plane and back: the homography as the core uses it, on every frame.
+
+Knows one 3x3 matrix, the twin's scale and the size of frame that both are valid for. Knows no keypoints (see
+`homography`), no lens and no height above the floor. Plain floats for single points, numpy for many.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dnb_edge import wire
+from dnb_edge.errors import InputError
+from dnb_edge.track.scale import TwinScale
+from dnb_edge.values import PointM, PointPx, Points
+
+Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""A 3x3 matrix, row by row."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundMap:
+    """The plane-to-plane map between a picture of `width_px` x `height_px` and the track plane."""
+
+    camera_to_twin: Matrix3
+    """Homography, camera px -> twin px, of such a sign that the third coordinate is positive for points on the floor."""
+    scale: TwinScale
+    width_px: int
+    height_px: int
+
+    def __post_init__(self) -> None:
+        """Raises `InputError` where the matrix is not finite or not invertible, or the frame is empty."""
+        if not all(math.isfinite(h) for h in self.camera_to_twin) or _determinant(self.camera_to_twin) == 0:
+            raise InputError(f"ground map: the homography {self.camera_to_twin} cannot be inverted: calibrate again")
+        if self.width_px <= 0 or self.height_px <= 0:
+            raise InputError(f"ground map: the frame size {self.width_px}x{self.height_px} is not a picture's")
+
+    def point_to_track_m(self, camera_px: PointPx) -> PointM | None:
+        """The floor point, track m, seen at one camera px; None at or beyond the horizon."""
+        u, v = camera_px
+        a, b, c, d, e, f, g, h, i = self.camera_to_twin
+        w = g * u + h * v + i
+        if w <= 0:
+            return None
+        scale = self.scale.metres_per_px
+        return (a * u + b * v + c) / w * scale, (self.scale.height_px - (d * u + e * v + f) / w) * scale
+
+    def point_to_camera_px(self, track_m: PointM) -> PointPx | None:
+        """The camera px at which one floor point, track m, appears; None for points behind the camera."""
+        scale = self.scale.metres_per_px
+        u, v = track_m[0] / scale, self.scale.height_px - track_m[1] / scale
+        a, b, c, d, e, f, g, h, i = _inverse(self.camera_to_twin)
+        w = g * u + h * v + i
+        if w <= 0:
+            return None
+        return (a * u + b * v + c) / w, (d * u + e * v + f) / w
+
+    def sees_ground(self, camera_px: Points) -> NDArray[np.bool_]:
+        """Which of the camera px (n, 2) lie below the horizon, shape (n,)."""
+        return np.asarray(_apply(self.camera_to_twin, camera_px)[:, 2] > 0)
+
+    def to_track_m(self, camera_px: Points) -> Points:
+        """Camera px (n, 2) as track m (n, 2). Raises `ValueError` for a point beyond the horizon: see `sees_ground`."""
+        return self.scale.to_track_m(_divide(_apply(self.camera_to_twin, camera_px), "camera px beyond the horizon"))
+
+    def to_camera_px(self, track_m: Points) -> Points:
+        """Track m (n, 2) as camera px (n, 2). Raises `ValueError` for a point behind the camera."""
+        twin_px = self.scale.to_twin_px(track_m)
+        return _divide(_apply(_inverse(self.camera_to_twin), twin_px), "track m behind the camera")
+
+    def jacobian(self, camera_px: PointPx) -> NDArray[np.float64]:
+        """d(track m)/d(camera px), shape (2, 2), at one camera px below the horizon; raises `ValueError` beyond it."""
+        u, v = camera_px
+        a, b, c, d, e, f, g, h, i = self.camera_to_twin
+        w = g * u + h * v + i
+        if w <= 0:
+            raise ValueError(f"camera px {camera_px} beyond the horizon")
+        x, y = (a * u + b * v + c) / w, (d * u + e * v + f) / w
+        step = self.scale.metres_per_px / w
+        return np.array([[(a - x * g) * step, (b - x * h) * step], [-(d - y * g) * step, -(e - y * h) * step]])
+
+    def scaled_to(self, width_px: int, height_px: int) -> Self:
+        """The same map for frames of another size and the same aspect. Raises `InputError` for another aspect."""
+        if width_px <= 0 or height_px <= 0 or abs(self.height_px * width_px / self.width_px - height_px) >= 1.0:
+            raise InputError(
+                f"frames are {width_px}x{height_px}, keypoints were clicked on {self.width_px}x{self.height_px}: "
+                "set the camera to the same aspect ratio, or click the keypoints anew on one of its own pictures"
+            )
+        across, down = self.width_px / width_px, self.height_px / height_px
+        a, b, c, d, e, f, g, h, i = self.camera_to_twin
+        matrix = (a * across, b * down, c, d * across, e * down, f, g * across, h * down, i)
+        return replace(self, camera_to_twin=matrix, width_px=width_px, height_px=height_px)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types; `from_dict` gives back an equal map, bit for bit."""
+        return wire.to_dict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """The map that `to_dict` wrote. Raises `InputError` where a member is missing or of the wrong kind."""
+        try:
+            return wire.from_dict(cls, data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"ground map: {error!r} in its stored form: calibrate again") from error
+
+
+def _apply(matrix: Matrix3, points: Points) -> NDArray[np.float64]:
+    """Homogeneous images (n, 3) of points (n, 2)."""
+    p = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    m = np.array(matrix).reshape(3, 3)
+    return p[:, 0, None] * m[:, 0] + p[:, 1, None] * m[:, 1] + m[:, 2]
+
+
+def _divide(homogeneous: NDArray[np.float64], fault: str) -> Points:
+    w = homogeneous[:, 2]
+    if not (w > 0).all():
+        raise ValueError(f"{fault}: point {int(np.argmin(w))} of {len(w)}")
+    points: Points = homogeneous[:, :2] / w[:, None]
+    return points
+
+
+def _determinant(matrix: Matrix3) -> float:
+    a, b, c, d, e, f, g, h, i = matrix
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+
+
+def _inverse(matrix: Matrix3) -> Matrix3:
+    """Cofactors over the determinant; keeps the sign of the third coordinate, so 'in front' stays positive."""
+    a, b, c, d, e, f, g, h, i = matrix
+    k = 1.0 / _determinant(matrix)
+    return (
+        (e * i - f * h) * k, (c * h - b * i) * k, (b * f - c * e) * k,
+        (f * g - d * i) * k, (a * i - c * g) * k, (c * d - a * f) * k,
+        (d * h - e * g) * k, (b * g - a * h) * k, (a * e - b * d) * k,
+    )  # fmt: skip
