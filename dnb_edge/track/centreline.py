@@ -1,7 +1,8 @@
 """The closed centreline of a route: where along it (s_m) and how far to its left (d_m) a point on the track lies.
 
-Knows points in metres on the track plane and the lane's half-widths at them. Knows no picture, no camera, no car and no
-time. (s, d) is the curvilinear frame of road vehicles: s_m grows in the direction of travel, d_m is positive to the left.
+Knows points in metres on the track plane and the lane's half-widths at them. Knows no picture, no camera, no car and
+no time. (s, d) is the curvilinear frame of road vehicles: s_m grows in the direction of travel, d_m is positive to the
+left.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ class Centreline:
         return float(x), float(y)
 
     def point_at(self, s_m: float, d_m: float = 0.0) -> PointM:
-        """The point, track m, at `s_m` (any real number, taken round the route) and `d_m` to the left of the centreline."""
+        """The point, track m, at `s_m` (any real number, taken round the route), `d_m` to the left of the centreline."""
         i = self._segment_at(s_m)
         along = s_m % self.length_m - float(self.s_m[i])
         x, y = self.points_m[i]

@@ -1,7 +1,7 @@
 """Directed lines across the track: the start line and the sector lines.
 
-Knows a segment on the track plane and which way across it is forward. Knows no car, no time and no hysteresis; those are
-the race's. FORWARD is to the line's left for somebody who stands at `start_m` and looks to `end_m`.
+Knows a segment on the track plane and which way across it is forward. Knows no car, no time and no hysteresis; those
+are the race's. FORWARD is to the line's left for somebody who stands at `start_m` and looks to `end_m`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class DirectedLine:
         return -(y1 - y0) / length_m, (x1 - x0) / length_m
 
     def signed_distance(self, point_m: PointM) -> float:
-        """Metres from the infinite line through both ends to `point_m`; positive on the left, after a forward crossing."""
+        """Metres from the infinite line through both ends to `point_m`; positive after a forward crossing."""
         (x0, y0), (x1, y1) = self.start_m, self.end_m
         cross = (x1 - x0) * (point_m[1] - y0) - (y1 - y0) * (point_m[0] - x0)
         return cross / self.length_m

@@ -27,7 +27,7 @@ class GroundMap:
     """The plane-to-plane map between a picture of `width_px` x `height_px` and the track plane."""
 
     camera_to_twin: Matrix3
-    """Homography, camera px -> twin px, of such a sign that the third coordinate is positive for points on the floor."""
+    """Homography, camera px -> twin px, of such a sign that the third coordinate is positive on the floor."""
     scale: TwinScale
     width_px: int
     height_px: int
@@ -112,7 +112,8 @@ def _apply(matrix: Matrix3, points: Points) -> NDArray[np.float64]:
     """Homogeneous images (n, 3) of points (n, 2)."""
     p = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     m = np.array(matrix).reshape(3, 3)
-    return p[:, 0, None] * m[:, 0] + p[:, 1, None] * m[:, 1] + m[:, 2]
+    homogeneous: NDArray[np.float64] = p[:, 0, None] * m[:, 0] + p[:, 1, None] * m[:, 1] + m[:, 2]
+    return homogeneous
 
 
 def _divide(homogeneous: NDArray[np.float64], fault: str) -> Points:
