@@ -1,0 +1,64 @@
+# The workshop: every target installs what it needs and says what it does. `make help` lists them.
+#
+#   make PYTHON=python3.13 test                       another interpreter (3.11 or newer)
+#   make VENV_FLAGS=--system-site-packages demo       lets .venv see apt's Python packages (libcamera's bindings)
+#   make TORCH_INDEX=https://download.pytorch.org/whl/cpu train      PyTorch without several GB of CUDA, on x86 Linux
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+VENV_FLAGS ?=
+TORCH_INDEX ?=
+DEMO_FLAGS ?=
+TRAIN_FLAGS ?=
+PYTEST_FLAGS ?=
+export PYTHON VENV_FLAGS TORCH_INDEX
+
+BIN := .venv/bin
+LOCKED := pyproject.toml constraints.txt .ci/install
+say = @printf '\n== %s\n' "$(1)"
+
+.PHONY: help demo test lint format train lock clean
+
+help: ## List the targets
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+
+demo: .venv/.demo-installed ## A simulated race: live board, recording and report; no camera, no config
+	$(call say,dnb-edge demo)
+	@$(BIN)/dnb-edge demo $(DEMO_FLAGS)
+
+test: lint ## All checks: lint, then the tests on two cores
+	$(call say,pytest)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 --dist loadgroup $(PYTEST_FLAGS)
+
+lint: .venv/.test-installed ## Style, format, types and the direction of imports
+	$(call say,ruff check)
+	@$(BIN)/ruff check .
+	$(call say,ruff format --check)
+	@$(BIN)/ruff format --check .
+	$(call say,mypy)
+	@$(BIN)/mypy
+	$(call say,lint-imports)
+	@$(BIN)/lint-imports
+
+format: .venv/.test-installed ## Format the code and mend what ruff can mend
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see TORCH_INDEX above)
+	$(call say,python -m dnb_edge.train)
+	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
+
+lock: ## Resolve all dependencies anew into constraints.txt
+	@.ci/lock
+
+clean: ## Remove what these targets made; recordings under runs/ stay
+	rm -rf .venv build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .grimp_cache .hypothesis
+	find dnb_edge tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/.%-installed: $(LOCKED)
+	@.ci/install $*
+	@touch $@
