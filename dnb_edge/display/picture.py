@@ -1,0 +1,173 @@
+"""The terminal board's picture and its printed lines, as pure functions of a `BoardState`.
+
+Fits 80 x 24 with three rows to spare for printed lines; large digits can be read from two metres. Knows rich's
+renderables; knows no console, no thread and no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from dnb_edge import values
+from dnb_edge.display.state import BoardState, Phase, laps_since
+
+MAX_WIDTH = 100
+ROWS_BESIDE_LAPS = 16
+"""Rows of the picture without its table rows, and three for printed lines."""
+WARNINGS_SHOWN = 2
+
+# Five rows of three pixels a glyph, `#` lit.
+_FONT = {
+    "0": ("###", "# #", "# #", "# #", "###"),
+    "1": (" # ", "## ", " # ", " # ", "###"),
+    "2": ("###", "  #", "###", "#  ", "###"),
+    "3": ("###", "  #", "###", "  #", "###"),
+    "4": ("# #", "# #", "###", "  #", "  #"),
+    "5": ("###", "#  ", "###", "  #", "###"),
+    "6": ("###", "#  ", "###", "# #", "###"),
+    "7": ("###", "  #", "  #", "  #", "  #"),
+    "8": ("###", "# #", "###", "# #", "###"),
+    "9": ("###", "# #", "###", "  #", "###"),
+    ".": (" ", " ", " ", " ", "#"),
+    "-": ("   ", "   ", "###", "   ", "   "),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LargeDigits:
+    """`text` of digits, dots and hyphens, five rows high, as a rich renderable."""
+
+    text: str
+    style: str
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Five lines; blocks where the console has them, number signs where it is ASCII only."""
+        pixel = "##" if options.ascii_only else "██"
+        for row in range(5):
+            line = "  ".join(_FONT[char][row] for char in self.text)
+            yield Text(line.replace(" ", "  ").replace("#", pixel), style=self.style, no_wrap=True, overflow="crop")
+
+
+@dataclass(frozen=True, slots=True)
+class _Board:
+    state: BoardState
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        rows = max(2, min(8, console.height - ROWS_BESIDE_LAPS))
+        state = self.state
+        yield Panel(
+            Group(_headline(state), Text(), _lap_table(state, rows), Text(), _health(state)),
+            title=Text(f" {state.state_line}{', car not seen' if state.unseen else ''} ", style="bold"),
+            title_align="left",
+            subtitle="dnb-edge",
+            subtitle_align="right",
+            border_style=_flash_style(state) if state.flashing else "blue",
+            box=box.HEAVY if state.flashing else box.ROUNDED,
+            width=min(MAX_WIDTH, options.max_width),
+        )
+
+
+def picture(state: BoardState) -> RenderableType:
+    """The whole board."""
+    return _Board(state)
+
+
+def headline_text(state: BoardState) -> str:
+    """What stands in large digits: the running lap in tenths; the last lap while flashing and once the run is over."""
+    if state.last_lap is not None and (state.flashing or state.phase is Phase.FINISHED):
+        return f"{state.last_lap.time_s:.3f}"
+    return "--.-" if state.running_s is None else f"{state.running_s:.1f}"
+
+
+def seconds(time_s: float, sigma_s: float) -> str:
+    """A time with its uncertainty, such as `12.483 s +- 2 ms`."""
+    return f"{time_s:.3f} s +- {max(1, round(sigma_s * 1000))} ms"
+
+
+def lap_line(lap: values.Lap) -> str:
+    """The line printed for a complete lap, such as `lap 2  12.483 s +- 2 ms  similarity 95.8 %`."""
+    parts = [f"lap {lap.number}", seconds(lap.time_s, lap.sigma_s)]
+    if lap.similarity_percent is not None:
+        parts.append(f"similarity {lap.similarity_percent:.1f} %")
+    if not lap.valid:
+        parts.append("NOT VALID: " + "; ".join(lap.reasons))
+    return "  ".join(parts)
+
+
+def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
+    """What has happened between two boards, a line each: phases, laps and new warnings."""
+    lines = [lap_line(lap) for lap in laps_since(earlier, later)]
+    if earlier is None or earlier.phase is not later.phase:
+        lines.append("the car crosses the start line, lap 1 begins" if later.lap_number == 1 else later.state_line)
+    known = () if earlier is None or earlier.health is None else earlier.health.warnings
+    warnings = () if later.health is None else later.health.warnings
+    return [*lines, *(f"warning: {warning}" for warning in warnings if warning not in known)]
+
+
+def _headline(state: BoardState) -> RenderableType:
+    facts = Table.grid(padding=(0, 1))
+    for name, lap in (("last", state.last_lap), ("best", state.best_lap)):
+        style = "bold green" if name == "best" else "bold"
+        facts.add_row(
+            Text(name, style="dim"),
+            Text("-" if lap is None else f"{lap.time_s:.3f} s", style=style, justify="right"),
+            Text("" if lap is None else f"lap {lap.number}", style="dim"),
+        )
+        facts.add_row()
+    last = state.last_lap
+    score = "-" if last is None or last.similarity_percent is None else f"{last.similarity_percent:.1f} %"
+    facts.add_row(Text("score", style="dim"), Text(score, style="bold", justify="right"))
+    grid = Table.grid(expand=True, padding=(0, 1))
+    grid.add_column(ratio=1)
+    grid.add_column(justify="right")
+    style = _flash_style(state) if state.flashing or state.phase is Phase.FINISHED else "bold cyan"
+    grid.add_row(LargeDigits(headline_text(state), style), facts)
+    return grid
+
+
+def _flash_style(state: BoardState) -> str:
+    return "bold red" if state.last_lap is not None and not state.last_lap.valid else "bold green"
+
+
+def _lap_table(state: BoardState, rows: int) -> RenderableType:
+    table = Table(box=None, expand=True, padding=(0, 1), header_style="dim")
+    table.add_column("lap", justify="right", width=4)
+    table.add_column("time", justify="right", width=10)
+    table.add_column("+-", justify="right", width=8)
+    table.add_column("similarity", justify="right", width=11)
+    table.add_column("", ratio=1, no_wrap=True, overflow="ellipsis")
+    shown = state.laps[-rows:]
+    for lap in shown:
+        best = state.best_lap is not None and lap.number == state.best_lap.number
+        score = "-" if lap.similarity_percent is None else f"{lap.similarity_percent:.1f} %"
+        # Text, never markup: a reason may hold brackets.
+        remark = Text("best" if best else "; ".join(lap.reasons))
+        sigma = f"{max(1, round(lap.sigma_s * 1000))} ms"
+        style = "red" if not lap.valid else "bold green" if best else ""
+        table.add_row(str(lap.number), f"{lap.time_s:.3f} s", sigma, score, remark, style=style)
+    for _ in range(rows - len(shown)):
+        table.add_row()
+    return table
+
+
+def _health(state: BoardState) -> RenderableType:
+    health = state.health
+    if health is None:
+        return Text("no health report yet", style="dim")
+    facts = Text(style="dim", no_wrap=True, overflow="ellipsis")
+    facts.append("- fps" if health.fps is None else f"{health.fps:.1f} fps")
+    facts.append(f"   car in {health.detected_frames} of {health.frames} frames")
+    for name, value, bad in (("display", health.display, "offline"), ("recording", health.recording, "failed")):
+        facts.append("   ")
+        facts.append(f"{name} {value}", style="bold red" if value == bad else "dim")
+    warnings = [
+        Text(f"! {warning}", style="yellow", no_wrap=True, overflow="ellipsis")
+        for warning in health.warnings[:WARNINGS_SHOWN]
+    ]
+    return Group(facts, *warnings)
