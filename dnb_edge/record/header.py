@@ -1,0 +1,89 @@
+"""What a recording says about itself before its first message: the attachment `setup.json`.
+
+Knows the header's JSON form and its version; the meaning of `setup` and `config` belongs to whoever made them.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from dnb_edge import __version__, wire
+from dnb_edge.values import SourceInfo
+
+FORMAT = 1
+"""Version of the layout that docs/recording.md describes; readers refuse a higher one."""
+
+SETUP_NAME = "setup.json"
+METADATA_NAME = "dnb-edge"
+LOSS_METADATA_NAME = "dnb-edge/loss"
+RECOVERY_METADATA_NAME = "dnb-edge/recovery"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunHeader:
+    """Everything that is needed to read a recording and to score it again."""
+
+    name: str
+    """The entry: what the result table calls this run."""
+    setup: dict[str, Any]
+    """Plain JSON: all that the pure core was set up with; opaque here."""
+    config: dict[str, Any]
+    """Plain JSON: the configuration the run was started with."""
+    source: SourceInfo
+    versions: dict[str, str] = field(default_factory=dict)
+    """Versions of the software that took part, by name."""
+    wall_offset_ns: int | None = None
+    """Unix time minus the source's clock, ns, at the start of the run; None for media and simulated clocks."""
+
+    def to_json(self) -> str:
+        """The attachment's text. Raises ValueError or TypeError where `setup` or `config` are not plain JSON."""
+        return json.dumps({"format": FORMAT, **wire.to_dict(self)}, allow_nan=False)
+
+    def metadata(self) -> dict[str, str]:
+        """The same in short, as MCAP metadata that any viewer shows."""
+        short = {
+            "format": str(FORMAT),
+            "version": __version__,
+            "name": self.name,
+            "source": self.source.uri,
+            "clock": self.source.clock.value,
+        }
+        if self.wall_offset_ns is not None:
+            short["wall_offset_ns"] = str(self.wall_offset_ns)
+        return short
+
+
+def header_from_json(text: str | bytes) -> RunHeader:
+    """The header that `RunHeader.to_json` made `text` from. Raises ValueError with the reason in a few words."""
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError(f"{SETUP_NAME} is not an object")  # noqa: TRY004 - one kind of error for one kind of fault
+    found = data.get("format")
+    if not isinstance(found, int) or found > FORMAT:
+        raise ValueError(f"format {found} is not known to dnb-edge {__version__} (it knows {FORMAT}): update dnb-edge")
+    try:
+        return RunHeader(
+            name=str(data["name"]),
+            setup=dict(data["setup"]),
+            config=dict(data["config"]),
+            source=wire.from_dict(SourceInfo, data["source"]),
+            versions=dict(data["versions"]),
+            wall_offset_ns=data["wall_offset_ns"],
+        )
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{SETUP_NAME} is incomplete: {error}") from error
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of dnb-edge, Python and the libraries whose numbers end up in a recording."""
+    versions = {"dnb-edge": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    for package in ("foxglove-sdk", "numpy", "onnxruntime", "opencv-python-headless"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return versions

@@ -1,0 +1,45 @@
+"""Names of recordings: `run-<first 8 of the boot id>-<counter>.mcap`, since a Raspberry Pi has no clock of its own.
+
+Knows file names only. The counter goes on from the highest of the same boot, whatever the ending.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+from pathlib import Path
+
+from dnb_edge.record.durable import PART_SUFFIX, DurableFile
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+def boot_tag() -> str:
+    """Eight hexadecimal digits that stay the same until the next boot; random ones where the kernel names no boot."""
+    try:
+        return BOOT_ID.read_text(encoding="ascii").strip()[:8]
+    except OSError:
+        return secrets.token_hex(4)
+
+
+def create_next(directory: Path, tag: str) -> DurableFile:
+    """Create the next recording of boot `tag` in `directory`, colliding with none. Raises OSError."""
+    pattern = re.compile(rf"run-{re.escape(tag)}-(\d+)")
+    taken = [int(match[1]) for match in map(pattern.match, (path.name for path in directory.iterdir())) if match]
+    number = max(taken, default=0) + 1
+    while True:
+        try:
+            return DurableFile(directory / f"run-{tag}-{number:04d}.mcap")
+        except FileExistsError:
+            number += 1
+
+
+def recovered_name(damaged: Path) -> Path:
+    """A free final name for what is recovered from `damaged`: its own without `.part`, else with `-recovered`."""
+    name = damaged.name.removesuffix(PART_SUFFIX)
+    wanted = damaged.with_name(name)
+    stem, number = wanted.stem, 1
+    while wanted.exists():
+        wanted = damaged.with_name(f"{stem}-recovered{'' if number == 1 else f'-{number}'}.mcap")
+        number += 1
+    return wanted

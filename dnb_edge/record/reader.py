@@ -1,0 +1,201 @@
+"""Reading a run back: its header, the detections and events exactly as they were recorded, and the pictures.
+
+Knows the layout that docs/recording.md describes. Knows nothing of scoring. A file that is cut short or damaged raises
+`InputError` with the command that repairs it, before anything of it is given out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from mcap.records import Attachment, Channel, Message, Metadata
+
+from dnb_edge import wire
+from dnb_edge.errors import InputError
+from dnb_edge.record import protobuf
+from dnb_edge.record.channels import IMAGE_NOTE_TOPIC, IMAGE_TOPIC, JSON_TOPICS, ImageNote
+from dnb_edge.record.header import (
+    LOSS_METADATA_NAME,
+    RECOVERY_METADATA_NAME,
+    SETUP_NAME,
+    RunHeader,
+    header_from_json,
+)
+from dnb_edge.record.scan import Damage, LinearReader, Record
+from dnb_edge.values import Event, Frame, FrameDetections
+
+T = TypeVar("T")
+
+COMPRESSED_IMAGE_DATA_FIELD = 2
+"""Field number of `data` in foxglove.CompressedImage."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedRun:
+    """One recording, read through once and found in order; its messages are read anew by each iteration."""
+
+    path: Path
+    header: RunHeader
+    counts: dict[str, int]
+    """Messages by topic."""
+    first_t_ns: int | None
+    """Lowest log time, source clock; None where there is no message."""
+    last_t_ns: int | None
+    lost_messages: int
+    """Detections or events that the recorder or a recovery lost; 0 where re-scoring is exact."""
+    damage: Damage | None
+    """What is wrong with the file; None unless it was read with `tolerate_damage`."""
+    warnings: tuple[str, ...]
+
+    def messages(self) -> Iterator[FrameDetections | Event]:
+        """Detections and events, in the order in which they were recorded. Raises InputError where one is malformed."""
+        for topic, message in _messages(LinearReader(self.path)):
+            kind = JSON_TOPICS.get(topic)
+            if kind is not None:
+                yield _decoded(self.path, topic, kind, message)
+
+    def detections(self) -> Iterator[FrameDetections]:
+        """What the pure core was given, frame by frame."""
+        return (one for one in self.messages() if isinstance(one, FrameDetections))
+
+    def events(self) -> Iterator[Event]:
+        """What the core and the appliance said, in order."""
+        return (one for one in self.messages() if not isinstance(one, FrameDetections))
+
+
+def read_run(path: Path, *, tolerate_damage: bool = False) -> RecordedRun:
+    """Open the recording at `path` and check all of it: structure, lengths, checksums, header.
+
+    Raises InputError with one line where it is not there, no MCAP file, no recording of ours, cut short or damaged. With
+    `tolerate_damage` the last two are told by `damage` instead, and the messages are those before the damage.
+    """
+    reader = LinearReader(path)
+    counts: Counter[str] = Counter()
+    first_t_ns: int | None = None
+    last_t_ns: int | None = None
+    header: RunHeader | None = None
+    lost: dict[str, dict[str, str]] = {}
+    channels: dict[int, str] = {}
+    for record in _records(reader, path):
+        match record:
+            case Attachment(name=name, data=data) if name == SETUP_NAME and header is None:
+                header = _header(path, data)
+            case Metadata(name=name, metadata=metadata):
+                lost[name] = metadata
+            case Channel(id=number, topic=topic):
+                channels[number] = topic
+            case Message(channel_id=number, log_time=t_ns):
+                counts[channels.get(number, "")] += 1
+                first_t_ns = t_ns if first_t_ns is None else min(first_t_ns, t_ns)
+                last_t_ns = t_ns if last_t_ns is None else max(last_t_ns, t_ns)
+    if not reader.is_mcap:
+        raise InputError(f"{path}: not an MCAP file")
+    if reader.damage is not None and not tolerate_damage:
+        raise InputError(f"{path}: {damage_text(reader.damage)}: run `dnb-edge runs recover {path}`")
+    if header is None:
+        raise InputError(f"{path}: not a recording of dnb-edge: it has no {SETUP_NAME}")
+    lost_messages, warnings = _losses(lost)
+    return RecordedRun(
+        path=path,
+        header=header,
+        counts=dict(counts),
+        first_t_ns=first_t_ns,
+        last_t_ns=last_t_ns,
+        lost_messages=lost_messages,
+        damage=reader.damage,
+        warnings=warnings,
+    )
+
+
+def iter_frames(path: Path) -> Iterator[Frame]:
+    """The recorded pictures with their stamps and the source's own frame numbers, as JPEG. Raises InputError."""
+    note: ImageNote | None = None
+    reader = LinearReader(path)
+    for topic, message in _messages(reader):
+        if topic == IMAGE_NOTE_TOPIC:
+            note = _decoded(path, topic, ImageNote, message)
+        elif topic == IMAGE_TOPIC and note is not None and note.t_ns == message.log_time:
+            yield _frame(path, note, message)
+            note = None
+    if not reader.is_mcap:
+        raise InputError(f"{path}: not an MCAP file")
+    if reader.damage is not None:
+        raise InputError(f"{path}: {damage_text(reader.damage)}: run `dnb-edge runs recover {path}`")
+
+
+def damage_text(damage: Damage) -> str:
+    """What `damage` means, in a few words for a message."""
+    if damage.truncated:
+        return f"the recording is truncated ({damage.reason}, byte {damage.offset})"
+    return f"the recording is damaged ({damage.reason}, byte {damage.offset})"
+
+
+def _records(reader: LinearReader, path: Path) -> Iterator[Record]:
+    try:
+        yield from reader.records()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: there is no such recording") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _messages(reader: LinearReader) -> Iterator[tuple[str, Message]]:
+    """Every message with its topic; one whose channel is unknown is left out, since nobody can say what it is."""
+    channels: dict[int, str] = {}
+    for record in _records(reader, reader.path):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message) and record.channel_id in channels:
+            yield channels[record.channel_id], record
+
+
+def _decoded(path: Path, topic: str, kind: type[T], message: Message) -> T:
+    try:
+        return wire.from_dict(kind, json.loads(message.data))
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"{path}: a message of {topic} at {message.log_time} ns is malformed: {error}") from error
+
+
+def _header(path: Path, data: bytes) -> RunHeader:
+    try:
+        return header_from_json(data)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _frame(path: Path, note: ImageNote, message: Message) -> Frame:
+    try:
+        jpeg = protobuf.bytes_field(message.data, COMPRESSED_IMAGE_DATA_FIELD)
+    except ValueError as error:
+        raise InputError(f"{path}: the picture at {message.log_time} ns is malformed: {error}") from error
+    return Frame(
+        sequence=note.sequence,
+        t_ns=note.t_ns,
+        stamp_source=note.stamp_source,
+        width_px=note.width_px,
+        height_px=note.height_px,
+        jpeg=jpeg,
+    )
+
+
+def _losses(metadata: dict[str, dict[str, str]]) -> tuple[int, tuple[str, ...]]:
+    """Messages lost, and what to tell about it."""
+    warnings = []
+    lost_messages = _count(metadata.get(LOSS_METADATA_NAME, {}).get("messages"))
+    if lost_messages:
+        warnings.append(f"{lost_messages} messages were not recorded, the disk could not keep up")
+    recovery = metadata.get(RECOVERY_METADATA_NAME)
+    if recovery is not None:
+        bad_chunks = _count(recovery.get("bad_chunks"))
+        lost_messages += bad_chunks
+        warnings.append(f"recovered from {recovery.get('from', 'a damaged file')}, {bad_chunks} damaged parts left out")
+    return lost_messages, tuple(warnings)
+
+
+def _count(text: str | None) -> int:
+    return int(text) if text is not None and text.isdecimal() else 0

@@ -1,0 +1,202 @@
+"""Linear reading of an MCAP file that may be cut short, torn or hostile: every record that is whole, then what was wrong.
+
+Knows the MCAP container (https://mcap.dev/spec) and nothing of what the messages mean. The stock readers serve whole files
+well and read nothing of a truncated one, check no CRC unless asked, and size buffers by what the file claims. Here every
+length is checked against the bytes that are there, a chunk is decompressed no further than a cap, and nothing of a chunk
+is given out before its CRC is right.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+MAX_RECORD_BYTES = 256 * 1024 * 1024
+MAX_CHUNK_BYTES = 64 * 1024 * 1024
+"""Decompressed. Our own chunks hold 256 KiB and at most one message more."""
+
+Record = Header | Schema | Channel | Message | Attachment | Metadata
+
+_READERS: dict[int, Callable[[ReadDataStream], Record]] = {
+    Opcode.HEADER: Header.read,
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.ATTACHMENT: Attachment.read,
+    Opcode.METADATA: Metadata.read,
+}
+
+_PARSE_ERRORS = (McapError, struct.error, ValueError)
+"""UnicodeDecodeError is a ValueError."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Damage:
+    """Where a file stops being right, and how."""
+
+    offset: int
+    reason: str
+    truncated: bool
+    """True where the file just ends too early; False where bytes are wrong."""
+
+
+class _BadRecord(Exception):
+    pass
+
+
+class LinearReader:
+    """Reads one file front to back, once. After `records` has ended, the other attributes say how it went."""
+
+    def __init__(self, path: Path, *, skip_bad_chunks: bool = False) -> None:
+        """Nothing is opened yet. `skip_bad_chunks` goes on after a chunk whose content is wrong."""
+        self.path = path
+        self._skip_bad_chunks = skip_bad_chunks
+        self.is_mcap = False
+        self.complete = False
+        """True where the file ends as it should: data end, footer, magic."""
+        self.damage: Damage | None = None
+        """The first thing wrong; None where nothing is, that is where `complete`."""
+        self.bad_chunks = 0
+        self.good_bytes = 0
+        """Length of the prefix of whole records."""
+
+    def records(self) -> Iterator[Record]:
+        """Headers, schemas, channels, messages, attachments and metadata in the file's order. Raises OSError."""
+        with self.path.open("rb") as stream:
+            size = self.path.stat().st_size
+            self.is_mcap = stream.read(len(MAGIC)) == MAGIC
+            if not self.is_mcap:
+                self._damaged(0, "no MCAP file", truncated=False)
+                return
+            self.good_bytes = len(MAGIC)
+            ended = False
+            while not ended:
+                offset = stream.tell()
+                head = stream.read(9)
+                if len(head) < 9:
+                    self._damaged(offset, "ends without a footer", truncated=True)
+                    return
+                opcode, length = struct.unpack("<BQ", head)
+                if opcode == 0 or length > MAX_RECORD_BYTES:
+                    self._damaged(offset, "not a record", truncated=False)
+                    return
+                if offset + 9 + length > size:
+                    self._damaged(offset, "ends in the middle of a record", truncated=True)
+                    return
+                try:
+                    yield from _unfold(opcode, stream.read(length))
+                except _BadRecord as error:
+                    self._damaged(offset, str(error), truncated=False)
+                    self.bad_chunks += 1
+                    if not (self._skip_bad_chunks and opcode == Opcode.CHUNK):
+                        return
+                ended = opcode == Opcode.FOOTER
+                self.good_bytes = stream.tell()
+            self._check_end(stream)
+
+    def _check_end(self, stream: BinaryIO) -> None:
+        offset = stream.tell()
+        if stream.read(len(MAGIC)) != MAGIC:
+            self._damaged(offset, "ends without its closing mark", truncated=True)
+        elif self.damage is None:
+            self.complete = True
+
+    def _damaged(self, offset: int, reason: str, *, truncated: bool) -> None:
+        if self.damage is None:
+            self.damage = Damage(offset=offset, reason=reason, truncated=truncated)
+
+
+def _unfold(opcode: int, body: bytes) -> Iterator[Record]:
+    """What one top-level record holds: itself, a chunk's content, or nothing where it is only an index."""
+    if opcode == Opcode.CHUNK:
+        yield from _chunk_records(_parse_chunk(body))
+        return
+    record = _parse(opcode, body)
+    if isinstance(record, Attachment):
+        _check_attachment(body)
+    if record is not None:
+        yield record
+
+
+def _parse(opcode: int, body: bytes) -> Record | None:
+    """The record, or None where its kind only serves those who jump about in the file."""
+    try:
+        if opcode == Opcode.MESSAGE:
+            return _message(body)
+        read = _READERS.get(opcode)
+        record: Record | None = None if read is None else read(ReadDataStream(io.BytesIO(body)))
+    except _PARSE_ERRORS as error:
+        raise _BadRecord(f"a record of kind {opcode} cannot be read") from error
+    return record
+
+
+def _message(body: bytes) -> Message:
+    channel_id, sequence, log_time, publish_time = struct.unpack_from("<HIQQ", body)
+    return Message(
+        channel_id=channel_id, sequence=sequence, log_time=log_time, publish_time=publish_time, data=body[22:]
+    )
+
+
+def _check_attachment(body: bytes) -> None:
+    (stored,) = struct.unpack("<I", body[-4:])
+    if stored not in (0, zlib.crc32(body[:-4])):
+        raise _BadRecord("an attachment's checksum is wrong")
+
+
+def _parse_chunk(body: bytes) -> Chunk:
+    try:
+        chunk: Chunk = Chunk.read(ReadDataStream(io.BytesIO(body)))
+    except _PARSE_ERRORS as error:
+        raise _BadRecord("a chunk cannot be read") from error
+    return chunk
+
+
+def _chunk_records(chunk: Chunk) -> Iterator[Record]:
+    content = memoryview(_decompress(chunk))
+    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
+        raise _BadRecord("a chunk's checksum is wrong")
+    offset = 0
+    while offset < len(content):
+        if offset + 9 > len(content):
+            raise _BadRecord("a chunk ends in the middle of a record")
+        opcode, length = struct.unpack_from("<BQ", content, offset)
+        offset += 9
+        if offset + length > len(content):
+            raise _BadRecord("a chunk ends in the middle of a record")
+        record = _parse(opcode, bytes(content[offset : offset + length]))
+        if record is not None:
+            yield record
+        offset += length
+
+
+def _decompress(chunk: Chunk) -> bytes:
+    """The chunk's content, exactly as long as it claims. Decompresses no byte beyond that, whatever the data holds."""
+    size = chunk.uncompressed_size
+    if size > MAX_CHUNK_BYTES:
+        raise _BadRecord(f"a chunk claims {size} bytes, more than the {MAX_CHUNK_BYTES} that are read")
+    if chunk.compression == "":
+        content: bytes = chunk.data
+    elif chunk.compression == "zstd":
+        # Streaming: the one-shot call sizes its buffer by what the compressed data claims, not by the limit given.
+        unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
+        try:
+            with unpacker.stream_reader(chunk.data) as reader:
+                content = reader.read(size + 1)
+        except zstandard.ZstdError as error:
+            raise _BadRecord("a chunk cannot be decompressed") from error
+    else:
+        raise _BadRecord(f"a chunk is compressed by {chunk.compression}, which is not read here")
+    if len(content) != size:
+        raise _BadRecord("a chunk is not as long as it claims")
+    return content
