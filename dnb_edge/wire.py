@@ -10,6 +10,7 @@ import dataclasses
 import json
 import types
 import typing
+from collections.abc import Hashable
 from enum import Enum
 from functools import cache
 from typing import Any, TypeVar
@@ -44,7 +45,7 @@ def event_to_json(event: values.Event) -> str:
 def from_dict(cls: type[T], data: dict[str, Any]) -> T:
     """The instance of dataclass `cls` that `to_dict` made `data` from. Unknown members are ignored, so that newer
     recordings stay readable; a missing member without a default raises `ValueError`."""
-    kinds = _field_types(cls)
+    kinds = _field_types(typing.cast("Hashable", cls))
     known = {name: _typed(kinds[name], data[name]) for name in kinds if name in data}
     try:
         return cls(**known)
@@ -64,7 +65,7 @@ def json_schema(cls: type) -> dict[str, Any]:
 
 
 @cache
-def _field_types(cls: type) -> dict[str, Any]:
+def _field_types(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 

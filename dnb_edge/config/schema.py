@@ -1,0 +1,190 @@
+"""Every key of the configuration with its type, default and meaning.
+
+Knows which values make sense on their own; how they fit together (does the start line cross the route?) is found out
+when the rooms are built from them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
+
+from dnb_edge.config.sections import STRICT, Number, Whole, section
+from dnb_edge.motion.follow import MotionSettings
+from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.race.laps import LapRules
+from dnb_edge.score.similarity import ScoreSettings
+
+
+class CommandLineText(str):
+    """Text given with `--set`: a relative path in it is relative to the working directory, not to the config file."""
+
+    __slots__ = ()
+
+
+def _resolve(value: Any, info: ValidationInfo) -> Any:
+    if not isinstance(value, str | Path):
+        raise ValueError(f"must be a path, not {value!r}")  # noqa: TRY004 pydantic reports ValueErrors
+    path = Path(value).expanduser()
+    if path.is_absolute():
+        return path
+    base = Path.cwd() if isinstance(value, CommandLineText) else (info.context or {}).get("base", Path.cwd())
+    return base / path
+
+
+def _resolve_data(value: Any, info: ValidationInfo) -> Any:
+    """As `_resolve`, within `data_dir` where one is given."""
+    context = dict(info.context or {})
+    data_dir = context.get("data_dir")
+    if data_dir is not None and not isinstance(value, CommandLineText) and isinstance(value, str | Path):
+        return value if Path(value).is_absolute() else data_dir / value
+    return _resolve(value, info)
+
+
+ConfigPath = Annotated[Path, BeforeValidator(_resolve)]
+"""A path; relative ones are relative to the config file."""
+
+DataPath = Annotated[Path, BeforeValidator(_resolve_data)]
+"""A path to input data; relative ones are relative to `data_dir` if that is given, else to the config file."""
+
+Positive = Annotated[Number, Field(gt=0)]
+Pixel = tuple[Number, Number]
+
+
+class _Section(BaseModel):
+    model_config = STRICT
+
+
+class MeasuredLength(_Section):
+    """One length measured on the floor, and where it lies on the twin."""
+
+    from_px: Pixel
+    """One end, twin px (u, v)."""
+    to_px: Pixel
+    """Other end, twin px (u, v)."""
+    length_m: Positive
+    """The distance on the floor, metres."""
+
+
+class TrackConfig(_Section):
+    """The digital twin and the route on it."""
+
+    name: str = "track"
+    """What the track is called in results."""
+    image: DataPath
+    """The twin: a picture of the track from above with the lane in one colour."""
+    lane_hsv: tuple[
+        Annotated[Number, Field(ge=0, le=360)],
+        Annotated[Number, Field(ge=0, le=100)],
+        Annotated[Number, Field(ge=0, le=100)],
+    ]
+    """Colour of the lane: hue in degrees, saturation and value in percent."""
+    measured: MeasuredLength | None = None
+    """One measured length, which fixes the scale."""
+    metres_per_px: Positive | None = None
+    """The scale directly, metres per twin px, where it is known."""
+    waypoints_px: tuple[Pixel, ...] = ()
+    """Points on the lane that the route passes, twin px; none for the outer loop."""
+    start_line_px: tuple[Pixel, Pixel]
+    """The start line from -> to, twin px. Standing at `from` and looking to `to`, cars drive to the left."""
+    start_line_margin_m: Annotated[Number, Field(ge=0)] = 0.0
+    """Unused length beyond both ends of the start line that also counts as the line, metres."""
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> Self:
+        if (self.measured is None) == (self.metres_per_px is None):
+            raise ValueError("give either measured (from_px, to_px, length_m) or metres_per_px")
+        return self
+
+
+class ViewConfig(_Section):
+    """How the camera's pixels map to the twin."""
+
+    keypoints_camera: DataPath | None = None
+    """NumPy file (.npy), shape (n, 2): points in the camera's picture, px."""
+    keypoints_twin: DataPath | None = None
+    """NumPy file (.npy), shape (n, 2): the same points on the twin, px."""
+    keypoints: DataPath | None = None
+    """YAML file with both, instead of the two NumPy files."""
+    image_size_px: tuple[Whole, Whole] | None = None
+    """Width and height of the picture on which the camera's points were clicked, where frames are of another size."""
+    max_mean_error_px: Positive | None = None
+    """Mean calibration error above which laps are not scored, twin px; give this or max_mean_error_m."""
+    max_mean_error_m: Positive | None = None
+    """Mean calibration error above which laps are not scored, metres; give this or max_mean_error_px."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        pair = (self.keypoints_camera, self.keypoints_twin)
+        if self.keypoints is None and None in pair:
+            raise ValueError("give keypoints_camera and keypoints_twin (.npy), or keypoints (.yaml)")
+        if self.keypoints is not None and pair != (None, None):
+            raise ValueError("give keypoints (.yaml) or keypoints_camera and keypoints_twin (.npy), not both")
+        return self
+
+
+class DetectorConfig(_Section):
+    """What finds the car."""
+
+    model: ConfigPath | None = None
+    """An ONNX model with its card (.json) beside it; none for the built-in one."""
+    threads: Annotated[Whole, Field(ge=1, le=16)] = 1
+    """Processor threads that the detector may use."""
+
+
+class CaptureConfig(_Section):
+    """Where frames come from."""
+
+    source: str | None = None
+    """v4l2:/dev/video0, file:clip.mp4, mcap:run.mcap or sim:; the command line's --source wins."""
+    width_px: Annotated[Whole, Field(ge=16)] = 1280
+    """Width asked of a camera, px."""
+    height_px: Annotated[Whole, Field(ge=16)] = 720
+    """Height asked of a camera, px."""
+    fps: Positive = 30.0
+    """Rate asked of a camera, frames per second."""
+
+
+class RecordConfig(_Section):
+    """The recording of the run."""
+
+    directory: ConfigPath | None = None
+    """Where recordings go; none for no recording. The command line's --record wins."""
+    image_fps: Annotated[Number, Field(ge=0)] = 5.0
+    """Pictures per second that are kept; 0 for none."""
+
+
+class DisplayConfig(_Section):
+    """What shows the race besides the terminal."""
+
+    uri: str | None = None
+    """serial:/dev/ttyUSB0; none for no display. The command line's --display wins."""
+
+
+Motion = section(MotionSettings)
+Crossing = section(CrossingSettings)
+Laps = section(LapRules)
+Scoring = section(ScoreSettings)
+
+
+class Config(_Section):
+    """Everything that a run can be told."""
+
+    version: Literal[1] = 1
+    """Version of this format."""
+    name: str = "run"
+    """Who or what is driving: the entry's name in tables."""
+    data_dir: ConfigPath | None = None
+    """Folder of the input data (twin, keypoints); none for the config file's own."""
+    track: TrackConfig
+    view: ViewConfig
+    detector: DetectorConfig = DetectorConfig()
+    capture: CaptureConfig = CaptureConfig()
+    motion: Motion = Motion()  # type: ignore[valid-type]
+    crossing: Crossing = Crossing()  # type: ignore[valid-type]
+    race: Laps = Laps()  # type: ignore[valid-type]
+    score: Scoring = Scoring()  # type: ignore[valid-type]
+    record: RecordConfig = RecordConfig()
+    display: DisplayConfig = DisplayConfig()

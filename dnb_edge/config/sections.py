@@ -1,0 +1,64 @@
+"""Pydantic models made from the core's frozen settings, so that a setting is declared once, where it is used.
+
+The core must not know pydantic; its settings are plain dataclasses. `section` gives each a strict model with the same
+names, types and defaults, which refuses unknown keys.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import sys
+import textwrap
+import types
+import typing
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, create_model
+
+Number = Annotated[float, Strict()]
+"""A number; text and booleans are none."""
+
+Whole = Annotated[int, Strict()]
+"""A whole number; text and booleans are none."""
+
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+"""What every part of the configuration obeys: no unknown keys, no infinities, no change after loading."""
+
+
+def section(settings: type, **changed_defaults: Any) -> type[BaseModel]:
+    """A strict model with the fields of the dataclass `settings`; keywords replace defaults."""
+    kinds = typing.get_type_hints(settings)
+    texts = _attribute_docs(settings)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(settings):
+        default = changed_defaults.get(field.name, ... if field.default is dataclasses.MISSING else field.default)
+        fields[field.name] = (_strict(kinds[field.name]), Field(default, description=texts.get(field.name)))
+    model: type[BaseModel] = create_model(settings.__name__, __config__=STRICT, __doc__=settings.__doc__, **fields)
+    return model
+
+
+def _strict(kind: Any) -> Any:
+    """`kind` without pydantic's leniency for numbers: text is no number and `true` is not one."""
+    if isinstance(kind, types.UnionType):
+        return typing.Union[tuple(_strict(part) for part in kind.__args__)]  # noqa: UP007
+    return Annotated[kind, Strict()] if kind in (int, float, bool) else kind
+
+
+def _attribute_docs(cls: type) -> dict[str, str]:
+    """The string under each attribute of a class, by name."""
+    if sys.flags.optimize > 1:
+        return {}
+    (node,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(node, ast.ClassDef)
+    docs = {}
+    for field, text in zip(node.body, node.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        ):
+            docs[field.target.id] = inspect.cleandoc(str(text.value.value))
+    return docs
