@@ -110,7 +110,7 @@ class Centreline:
         return float(x), float(y)
 
     def point_at(self, s_m: float, d_m: float = 0.0) -> PointM:
-        """The point, track m, at `s_m` (any real number, taken round the route), `d_m` to the left of the centreline."""
+        """The point, track m, at `s_m` (any real number, taken round the route), `d_m` to the centreline's left."""
         i = self._segment_at(s_m)
         along = s_m % self.length_m - float(self.s_m[i])
         x, y = self.points_m[i]
