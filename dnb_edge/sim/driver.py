@@ -1,0 +1,157 @@
+"""Where the simulated car is at any instant, and exactly when it crosses the start line.
+
+Knows the circuit and one seeded way of driving it: slower in bends, another pace each lap, a little wandering across the
+lane. Knows no camera and no frame rate: the drive is a continuous function of time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dnb_edge.sim.circuit import Circuit
+from dnb_edge.values import PointM, Points
+
+_TOP_SPEED_MPS = 1.45
+_LOWEST_SPEED_MPS = 0.6
+_LATERAL_ACCELERATION_MPS2 = 2.0
+_RUN_UP_M = 1.1
+_RUN_OUT_M = 0.9
+_STEP_M = 0.002
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """The car on the floor at one instant."""
+
+    track_m: PointM
+    """The ground point: centre of the car's footprint."""
+    heading_rad: float
+    """Direction of travel on the track plane, atan2(dy, dx)."""
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drive:
+    """One whole drive: a run-up, the laps, a run-out. Time runs from 0 to `duration_s`."""
+
+    circuit: Circuit
+    laps: int
+    crossings_s: tuple[float, ...]
+    """The instants at which the ground point crosses the start line, seconds; `laps` + 1 of them."""
+    duration_s: float
+    table_t_s: NDArray[np.float64]
+    table_s_m: NDArray[np.float64]
+    """Distance along the centreline at `table_t_s`, unwrapped, metres; the start line is at 0, L, 2 L ..."""
+    wander: Wander
+
+    def points(self, t_s: NDArray[np.float64]) -> Points:
+        """(n, 2) ground points at (n,) instants, track m."""
+        s = np.interp(t_s, self.table_t_s, self.table_s_m)
+        at = s + self.circuit.start_s_m
+        line = self.circuit.centreline
+        return np.asarray(line.at(at) + self.wander.offset_m(s)[:, None] * line.normal(at))
+
+    def pose(self, t_s: float) -> Pose:
+        """The pose at `t_s`, clipped to the drive's own time."""
+        t = min(max(t_s, 0.0), self.duration_s)
+        step = 0.002
+        before, at, after = self.points(np.clip(np.array([t - step, t, t + step]), 0.0, self.duration_s))
+        moved = after - before
+        elapsed = min(t + step, self.duration_s) - max(t - step, 0.0)
+        return Pose(
+            track_m=(float(at[0]), float(at[1])),
+            heading_rad=math.atan2(moved[1], moved[0]),
+            speed_mps=float(np.hypot(*moved)) / elapsed,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wander:
+    """A small smooth deviation across the lane: a sum of waves along the unwrapped distance."""
+
+    amplitude_m: tuple[float, ...]
+    wavelength_m: tuple[float, ...]
+    phase_rad: tuple[float, ...]
+
+    def offset_m(self, s_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) metres to the left of the centreline at unwrapped distances `s_m` (n,)."""
+        waves = zip(self.amplitude_m, self.wavelength_m, self.phase_rad, strict=True)
+        return np.asarray(sum(a * np.sin(2.0 * np.pi * s_m / w + p) for a, w, p in waves))
+
+
+def drive(circuit: Circuit, *, laps: int, seed: int) -> Drive:
+    """The drive of `laps` complete laps that `seed` makes."""
+    if laps < 1:
+        raise ValueError(f"laps must be at least 1, not {laps}")
+    random = np.random.default_rng([seed, 1])
+    wander = Wander(
+        amplitude_m=tuple(float(a) for a in random.uniform([0.008, 0.006, 0.003], [0.016, 0.012, 0.006])),
+        wavelength_m=tuple(float(w) for w in random.uniform([3.5, 1.9, 1.1], [5.5, 2.8, 1.5])),
+        phase_rad=tuple(float(p) for p in random.uniform(0.0, 2.0 * math.pi, 3)),
+    )
+    length = circuit.centreline.length_m
+    s = np.arange(-_RUN_UP_M, laps * length + _RUN_OUT_M, _STEP_M)
+    pace = random.uniform(0.88, 1.06, laps + 2)
+    slowness = 1.0 / (_speed_mps(circuit, s) * _pace(s / length, pace))
+    t = np.concatenate(([0.0], np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * _STEP_M)))
+    unsolved = Drive(
+        circuit=circuit, laps=laps, crossings_s=(), duration_s=float(t[-1]), table_t_s=t, table_s_m=s, wander=wander
+    )
+    crossings = tuple(_crossing_s(unsolved, k * length) for k in range(laps + 1))
+    return Drive(
+        circuit=circuit,
+        laps=laps,
+        crossings_s=crossings,
+        duration_s=unsolved.duration_s,
+        table_t_s=t,
+        table_s_m=s,
+        wander=wander,
+    )
+
+
+def _speed_mps(circuit: Circuit, s_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Speed by curvature, smoothed along the lap as a driver brakes before a bend and accelerates after it."""
+    length = circuit.centreline.length_m
+    count = 2048
+    lap_s = np.arange(count) * length / count
+    bend = np.maximum(np.abs(circuit.centreline.curvature(lap_s)), 1e-6)
+    raw = np.clip(np.sqrt(_LATERAL_ACCELERATION_MPS2 / bend), _LOWEST_SPEED_MPS, _TOP_SPEED_MPS)
+    distance = np.minimum(lap_s, length - lap_s)
+    weights = np.exp(-0.5 * (distance / 0.22) ** 2)
+    smooth = np.fft.irfft(np.fft.rfft(raw) * np.fft.rfft(weights / weights.sum()), n=count)
+    return np.interp(s_m + circuit.start_s_m, lap_s, smooth, period=length)
+
+
+def _pace(lap: NDArray[np.float64], pace: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The pace factor at unwrapped lap number `lap`, blended smoothly between one lap's pace and the next's."""
+    number = np.floor(lap)
+    blend = np.clip((lap - number) / 0.2, 0.0, 1.0)
+    blend = blend * blend * (3.0 - 2.0 * blend)
+    index = number.astype(np.int64) + 1
+    earlier = pace[np.clip(index - 1, 0, len(pace) - 1)]
+    later = pace[np.clip(index, 0, len(pace) - 1)]
+    return np.asarray(earlier + (later - earlier) * blend)
+
+
+def _crossing_s(drive_: Drive, s_m: float) -> float:
+    """The instant near unwrapped distance `s_m` at which the ground point meets the start line: bisection, to the last bit."""
+    start, end = np.asarray(drive_.circuit.start_line_m)
+    along = end - start
+
+    def left_of_line(t: float) -> float:
+        offset = drive_.points(np.array([t]))[0] - start
+        return float(along[0] * offset[1] - along[1] * offset[0])
+
+    low, high = (float(np.interp(s_m + margin, drive_.table_s_m, drive_.table_t_s)) for margin in (-0.1, 0.1))
+    while True:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            return middle
+        if left_of_line(middle) < 0.0:
+            low = middle
+        else:
+            high = middle

@@ -1,0 +1,105 @@
+"""Frames of the simulated camera: the still room with the car drawn into it, its shadow, and the sensor's noise.
+
+Knows how to compose one picture for one pose. The room is drawn once; a frame redraws only the rectangle round the car.
+Knows no time.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dnb_edge.sim.camera import PinholeCamera
+from dnb_edge.sim.car import car_mesh, posed
+from dnb_edge.sim.circuit import Circuit
+from dnb_edge.sim.driver import Pose
+from dnb_edge.sim.room import draw_room
+from dnb_edge.sim.solids import Mesh, draw_mesh, draw_shadow
+from dnb_edge.values import BgrImage
+
+_SUPERSAMPLE = 3
+_MARGIN_PX = 14
+_NOISE_PICTURES = 6
+_NOISE_SIGMA = 2.2
+_SHADOW_DEPTH = 0.55
+
+
+class Renderer:
+    """Pictures of one room, one camera and one car; all follow from the seed. Not safe for use by several threads."""
+
+    def __init__(self, circuit: Circuit, camera: PinholeCamera, seed: int) -> None:
+        self.camera = camera
+        self._seed = seed
+        self._car = car_mesh(seed)
+        self._room = draw_room(circuit, camera, seed)
+        random = np.random.default_rng([seed, 5])
+        shape = self._room.shape
+        self._noise = [_noise((shape[0], shape[1], shape[2]), random) for _ in range(_NOISE_PICTURES)]
+        # The empty room with each noise added beforehand: a frame starts as a plain copy of one of them.
+        self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
+
+    def picture(self, index: int, pose: Pose | None) -> BgrImage:
+        """The picture with number `index` (it chooses the noise), with the car at `pose`; the empty room for None."""
+        which = int(np.random.default_rng([self._seed, 6, index]).integers(_NOISE_PICTURES))
+        picture = self._noisy_rooms[which].copy()
+        if pose is not None:
+            self._draw_car(picture, pose, self._noise[which])
+        return picture
+
+    def _draw_car(self, picture: BgrImage, pose: Pose, noise: NDArray[np.int16]) -> None:
+        body = posed(self._car, pose)
+        rectangle = _rectangle(self.camera, body)
+        if rectangle is None:
+            return
+        left, top, right, bottom = rectangle
+        size = (right - left, bottom - top)
+        floor = self._room[top:bottom, left:right].astype(np.float32)
+        shadow = self._shadow(body, (left, top), size)
+        floor *= 1.0 - _SHADOW_DEPTH * shadow[..., None]
+        colour, cover = self._car_layer(body, (left, top), size)
+        composed = floor * (1.0 - cover[..., None]) + colour
+        noisy = composed + noise[top:bottom, left:right]
+        picture[top:bottom, left:right] = np.clip(noisy, 0.0, 255.0).astype(np.uint8)
+
+    def _shadow(self, body: Mesh, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.float32]:
+        """(h, w) 0..1: a wide soft shadow and a narrow dark one under the car."""
+        mask = np.zeros((size[1], size[0]), dtype=np.uint8)
+        draw_shadow(mask, body, self.camera, offset_px=corner, scale=1.0)
+        wide, narrow = cv2.GaussianBlur(mask, (0, 0), 3.5), cv2.GaussianBlur(mask, (0, 0), 1.3)
+        return np.asarray((0.6 * wide.astype(np.float32) + 0.4 * narrow.astype(np.float32)) / 255.0, dtype=np.float32)
+
+    def _car_layer(
+        self, body: Mesh, corner: tuple[int, int], size: tuple[int, int]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Colour (h, w, 3) already multiplied by cover, and cover (h, w) 0..1, both as sharp as the lens."""
+        big_size = (size[1] * _SUPERSAMPLE, size[0] * _SUPERSAMPLE)
+        colour = np.zeros((*big_size, 3), dtype=np.uint8)
+        draw_mesh(colour, body, self.camera, offset_px=corner, scale=_SUPERSAMPLE)
+        # No part of the car is pure black, so what is not black is car.
+        cover = (colour.max(axis=2) > 0).astype(np.uint8) * np.uint8(255)
+        layer = cv2.resize(np.dstack((colour, cover)), size, interpolation=cv2.INTER_AREA)
+        soft = cv2.GaussianBlur(layer, (0, 0), 0.6).astype(np.float32)
+        return soft[..., :3], soft[..., 3] / np.float32(255.0)
+
+
+def _rectangle(camera: PinholeCamera, body: Mesh) -> tuple[int, int, int, int] | None:
+    """(left, top, right, bottom) px round the car and its shadow, inside the picture; None where it is outside."""
+    pixels = camera.project(body.corners_m)
+    low = np.floor(pixels.min(axis=0)).astype(int) - _MARGIN_PX
+    high = np.ceil(pixels.max(axis=0)).astype(int) + _MARGIN_PX + 1
+    left, top = max(0, int(low[0])), max(0, int(low[1]))
+    right, bottom = min(camera.width_px, int(high[0])), min(camera.height_px, int(high[1]))
+    return (left, top, right, bottom) if right > left and bottom > top else None
+
+
+def _noise(shape: tuple[int, int, int], random: np.random.Generator) -> NDArray[np.int16]:
+    """(h, w, 3) sensor noise: mostly grey, a little coloured, slightly smeared as cameras smear it."""
+    grey = random.standard_normal(shape[:2], dtype=np.float32)[..., None]
+    colour = random.standard_normal(shape, dtype=np.float32)
+    mixed = cv2.GaussianBlur(0.85 * grey + 0.5 * colour, (0, 0), 0.5)
+    return np.asarray(np.rint(mixed * (_NOISE_SIGMA / float(mixed.std()))), dtype=np.int16)
+
+
+def _add_noise(picture: BgrImage, noise: NDArray[np.int16]) -> BgrImage:
+    return np.asarray(np.clip(picture.astype(np.int16) + noise, 0, 255), dtype=np.uint8)

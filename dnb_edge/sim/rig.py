@@ -1,0 +1,155 @@
+"""The ground-truth rig: a track, a car that drives it, a camera over both, and the truth of every frame and lap.
+
+Knows which frame shows what, exactly. Knows no detector and no rule of racing: it is what those are measured against.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dnb_edge.sim.camera import PinholeCamera, mast_camera
+from dnb_edge.sim.circuit import METRES_PER_PX, TWIN_SCALE, demo_circuit, demo_twin, edge_line, start_line_px
+from dnb_edge.sim.driver import drive
+from dnb_edge.sim.renderer import Renderer
+from dnb_edge.values import BgrImage, Frame, PointM, PointPx, Points, StampSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueLap:
+    """One complete lap as it was driven. Seconds from the first frame."""
+
+    number: int
+    start_s: float
+    end_s: float
+
+    @property
+    def time_s(self) -> float:
+        """The lap's time, seconds."""
+        return self.end_s - self.start_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What really happened in the whole drive."""
+
+    crossings_s: tuple[float, ...]
+    """Instants at which the car's ground point crossed the start line, all forward."""
+    laps: tuple[TrueLap, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTruth:
+    """What one frame really shows."""
+
+    t_ns: int
+    track_m: PointM
+    """The car's ground point."""
+    camera_px: PointPx
+    """The same point in the picture."""
+    heading_rad: float
+    """Direction of travel on the track plane, atan2(dy, dx)."""
+    heading_px_rad: float
+    """Direction of travel in the picture, atan2 of (-v, u), as a detection's `heading_rad`."""
+    speed_mps: float
+
+
+class Rig:
+    """One seeded drive of `laps` complete laps, seen at `fps` frames a second. The same arguments give the same bytes.
+
+    Not safe for use by several threads. Building it takes a second or two: the room is drawn then.
+    """
+
+    def __init__(
+        self, *, seed: int = 1, fps: float = 30.0, laps: int = 3, size_px: tuple[int, int] = (1280, 720)
+    ) -> None:
+        if not (math.isfinite(fps) and fps > 0.0):
+            raise ValueError(f"fps must be a positive number, not {fps!r}")
+        self.fps = fps
+        self.circuit = demo_circuit()
+        self.camera = demo_camera(size_px)
+        self._drive = drive(self.circuit, laps=laps, seed=seed)
+        self._renderer = Renderer(self.circuit, self.camera, seed)
+        crossings = self._drive.crossings_s
+        laps_driven = itertools.pairwise(crossings)
+        self.truth = Truth(
+            crossings_s=crossings,
+            laps=tuple(TrueLap(number=i + 1, start_s=a, end_s=b) for i, (a, b) in enumerate(laps_driven)),
+        )
+
+    @property
+    def frames(self) -> int:
+        """How many frames the drive has."""
+        return math.floor(self._drive.duration_s * self.fps) + 1
+
+    @property
+    def twin(self) -> BgrImage:
+        """The digital twin of the track."""
+        return demo_twin()
+
+    @property
+    def metres_per_px(self) -> float:
+        """Metres on the track for one px of the twin."""
+        return METRES_PER_PX
+
+    @property
+    def start_line_px(self) -> tuple[PointPx, PointPx]:
+        """The directed start line in twin px, (start, end)."""
+        return start_line_px(self.circuit)
+
+    def t_ns(self, index: int) -> int:
+        """The stamp of frame `index` on the simulated clock, 0 for the first."""
+        return round(index * 1_000_000_000 / self.fps)
+
+    def frame(self, index: int) -> Frame:
+        """Frame number `index`, 0 up to `frames` - 1."""
+        if not 0 <= index < self.frames:
+            raise IndexError(f"frame {index} of a drive of {self.frames} frames")
+        t_ns = self.t_ns(index)
+        return Frame(
+            sequence=index,
+            t_ns=t_ns,
+            stamp_source=StampSource.SIMULATED,
+            width_px=self.camera.width_px,
+            height_px=self.camera.height_px,
+            bgr=self._renderer.picture(index, self._drive.pose(t_ns * 1e-9)),
+        )
+
+    def frame_truth(self, index: int) -> FrameTruth:
+        """What frame `index` really shows."""
+        t_ns = self.t_ns(index)
+        pose = self._drive.pose(t_ns * 1e-9)
+        x, y = pose.track_m
+        ahead = (x + 0.01 * math.cos(pose.heading_rad), y + 0.01 * math.sin(pose.heading_rad))
+        at_px, ahead_px = self.camera.project(np.array([[x, y, 0.0], [*ahead, 0.0]]))
+        return FrameTruth(
+            t_ns=t_ns,
+            track_m=pose.track_m,
+            camera_px=(float(at_px[0]), float(at_px[1])),
+            heading_rad=pose.heading_rad,
+            heading_px_rad=math.atan2(at_px[1] - ahead_px[1], ahead_px[0] - at_px[0]),
+            speed_mps=pose.speed_mps,
+        )
+
+    def keypoint_pairs(self, count: int = 8) -> tuple[Points, Points]:
+        """`count` (at least 4) marks on the lane's outer border, as (camera px, twin px), each (count, 2), exact."""
+        if count < 4:
+            raise ValueError(f"a homography needs at least 4 keypoints, not {count}")
+        border = edge_line(self.circuit, -0.5 * self.circuit.lane_width_m)
+        chosen = border[np.arange(count) * len(border) // count]
+        return floor_to_camera_px(self.camera, chosen), TWIN_SCALE.to_twin_px(chosen)
+
+
+def demo_camera(size_px: tuple[int, int] = (1280, 720)) -> PinholeCamera:
+    """The camera of the demo: on a mast beside the track, 2.2 m high, a little askew as mounts are."""
+    return mast_camera(
+        position_m=(1.5, -0.42, 2.2), pitch_deg=61.0, yaw_deg=1.5, roll_deg=-0.8, hfov_deg=70.0, size_px=size_px
+    )
+
+
+def floor_to_camera_px(camera: PinholeCamera, points_m: Points) -> Points:
+    """Points on the floor, (n, 2) track m, to (n, 2) camera px."""
+    return camera.project(np.column_stack((points_m, np.zeros(len(points_m)))))
