@@ -1,0 +1,22 @@
+"""What a user may choose about capture. Plain values: the configuration room fills them in, the sources obey them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaptureSettings:
+    """Choices for a live camera; files, recordings and the simulator have their own size and rate."""
+
+    width_px: int = 1280
+    height_px: int = 720
+    fps: float = 30.0
+    pixel_format: str | None = None
+    """`MJPG` or `YUYV`; None takes MJPEG where the camera has it, else YUYV."""
+    buffers: int = 4
+    """Kernel buffers; four let the newest be taken while the driver still has some to fill."""
+    stall_timeout_s: float = 2.0
+    """A camera that gives no frame for so long counts as gone."""
+    controls: dict[str, int] = field(default_factory=dict)
+    """V4L2 controls to set before the first frame, by linuxpy's names (`exposure_time_absolute`, `focus_absolute` ...)."""

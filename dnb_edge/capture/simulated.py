@@ -1,0 +1,103 @@
+"""The simulator as a source: a car that drives our own track, on a simulated clock, for as many laps as asked.
+
+Knows how to read `sim:` URIs and how to pace frames in real time. The pictures and their truth come from `sim`.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from urllib.parse import parse_qsl
+
+from dnb_edge.errors import InputError
+from dnb_edge.sim.rig import Rig
+from dnb_edge.values import Clock, Frame, SourceInfo
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatorOptions:
+    """What a `sim:` URI asks for."""
+
+    laps: int = 3
+    seed: int = 1
+    fps: float = 30.0
+    pace: float = 0.0
+    """How many simulated seconds pass in one real second; 0 gives frames as fast as they are taken."""
+
+
+class SimulatedSource:
+    """A drive of the demo track. The same options give the same frames; they wait to be taken."""
+
+    def __init__(self, uri: str, options: SimulatorOptions) -> None:
+        self._options = options
+        self._rig = Rig(seed=options.seed, fps=options.fps, laps=options.laps)
+        self._next = 0
+        self._closed = threading.Event()
+        self.info = SourceInfo(
+            uri=uri,
+            width_px=self._rig.camera.width_px,
+            height_px=self._rig.camera.height_px,
+            nominal_fps=options.fps,
+            clock=Clock.SIMULATED,
+            live=False,
+        )
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames of the drive, to its end or until `close`; with `pace`, none before its time."""
+        started_s = time.monotonic()
+        first_t_ns = self._rig.t_ns(self._next)
+        while self._next < self._rig.frames and not self._closed.is_set():
+            frame = self._rig.frame(self._next)
+            if self._options.pace > 0.0:
+                due_s = started_s + (frame.t_ns - first_t_ns) * 1e-9 / self._options.pace
+                if self._closed.wait(max(0.0, due_s - time.monotonic())):
+                    return
+            self._next += 1
+            yield frame
+
+    def close(self) -> None:
+        """End the iteration, a paced wait included; safe to repeat and to call from another thread."""
+        self._closed.set()
+
+
+def parse_simulator_uri(uri: str) -> SimulatorOptions:
+    """The options in `sim:` or `sim:?laps=3&seed=1&fps=30&pace=1`. Raises `InputError` naming what is wrong."""
+    rest = uri.removeprefix("sim:")
+    path, _, query = rest.partition("?")
+    if path:
+        raise InputError(f"{uri}: {path!r} means nothing here: write sim: or sim:?laps=3&seed=1&fps=30&pace=1")
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
+    except ValueError as error:
+        raise InputError(f"{uri}: write the options as sim:?laps=3&seed=1&fps=30&pace=1") from error
+    readers: dict[str, Callable[[str], float]] = {"laps": int, "seed": int, "fps": float, "pace": float}
+    values: dict[str, float] = {}
+    for name, text in pairs:
+        if name not in readers:
+            raise InputError(f"{uri}: unknown option {name!r}: the simulator knows {', '.join(readers)}")
+        try:
+            values[name] = readers[name](text)
+        except ValueError as error:
+            raise InputError(f"{uri}: {name} must be a number, not {text!r}") from error
+    options = SimulatorOptions(
+        laps=int(values.get("laps", 3)),
+        seed=int(values.get("seed", 1)),
+        fps=values.get("fps", 30.0),
+        pace=values.get("pace", 0.0),
+    )
+    _check(uri, options)
+    return options
+
+
+def _check(uri: str, options: SimulatorOptions) -> None:
+    if not 1 <= options.laps <= 1000:
+        raise InputError(f"{uri}: laps must lie between 1 and 1000, not {options.laps}")
+    if options.seed < 0:
+        raise InputError(f"{uri}: seed must not be negative, not {options.seed}")
+    if not (math.isfinite(options.fps) and 1.0 <= options.fps <= 1000.0):
+        raise InputError(f"{uri}: fps must lie between 1 and 1000, not {options.fps:g}")
+    if not (math.isfinite(options.pace) and options.pace >= 0.0):
+        raise InputError(f"{uri}: pace must not be negative, not {options.pace:g}")

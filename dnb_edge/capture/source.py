@@ -1,0 +1,67 @@
+"""The one shape of every source of frames, and the way from a URI to a source.
+
+Knows the protocol and the schemes. The sources themselves are peers in the modules beside this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Protocol
+
+from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.simulated import SimulatedSource, parse_simulator_uri
+from dnb_edge.capture.v4l2 import V4l2Source
+from dnb_edge.capture.video import VideoSource
+from dnb_edge.errors import InputError
+from dnb_edge.values import Frame, SourceInfo
+
+KNOWN_SCHEMES = ("v4l2:/dev/video0", "libcamera:0", "file:clip.mp4", "mcap:run.mcap", "sim:")
+"""One example of each kind of URI."""
+
+
+class FrameSource(Protocol):
+    """Where frames come from. Opening happens in the constructor; each source serves one run."""
+
+    @property
+    def info(self) -> SourceInfo:
+        """What the source says about itself; known as soon as it is open."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Frames with strictly increasing stamps and sequence numbers, blocking until the next is there.
+
+        Ends at the end of the medium and after `close`. Raises `TemporaryFault` where a live device goes away (close the
+        source and open it anew), `InputError` where a file turns out to be unusable.
+        """
+
+    def close(self) -> None:
+        """Give the medium back. Safe to repeat and to call from another thread; a blocked `frames` then ends."""
+
+
+def open_source(
+    uri: str,
+    settings: CaptureSettings | None = None,
+    *,
+    open_recording: Callable[[str, Path], FrameSource] | None = None,
+) -> FrameSource:
+    """The source that `uri` names, open. `open_recording(uri, path)` serves `mcap:`, whose format this room does not know.
+
+    Raises `InputError` for an unknown scheme and for a device or file that cannot be used.
+    """
+    scheme, colon, rest = uri.partition(":")
+    if scheme == "sim" and colon:
+        return SimulatedSource(uri, parse_simulator_uri(uri))
+    if scheme in ("v4l2", "file", "mcap") and not rest:
+        raise InputError(f"{uri or 'source'}: names no device or file: write one of {', '.join(KNOWN_SCHEMES)}")
+    path = Path(rest).expanduser()
+    if scheme == "file":
+        return VideoSource(uri, path)
+    if scheme == "v4l2":
+        return V4l2Source(uri, path, settings if settings is not None else CaptureSettings())
+    if scheme == "mcap" and open_recording is not None:
+        return open_recording(uri, path)
+    if scheme == "mcap":
+        raise InputError(f"{uri}: recordings cannot be opened as a source here")
+    if scheme == "libcamera":
+        raise InputError(f"{uri}: libcamera cameras are not supported yet: use v4l2:/dev/video0 for a USB camera")
+    raise InputError(f"{uri or 'source'}: unknown kind of source: write one of {', '.join(KNOWN_SCHEMES)}")
