@@ -141,6 +141,9 @@ class Observation:
     """Covariance of `track_m`, (xx, xy, yy), m^2."""
     confidence: float
     length_px: float
+    """Apparent length of the car, camera px."""
+    target_id: int | None = None
+    """The target that it was taken for; None before that is known."""
 
 
 class TargetState(StrEnum):
