@@ -21,6 +21,8 @@ MAX_WIDTH = 100
 ROWS_BESIDE_LAPS = 16
 """Rows of the picture without its table rows, and three for printed lines."""
 WARNINGS_SHOWN = 2
+HEADLINE_CHARS = 7
+"""Large characters for which a board of 80 columns has room; a lap of 1,000 s loses decimals."""
 
 # Five rows of three pixels a glyph, `#` lit.
 _FONT = {
@@ -50,7 +52,7 @@ class LargeDigits:
         """Five lines; blocks where the console has them, number signs where it is ASCII only."""
         pixel = "##" if options.ascii_only else "██"
         for row in range(5):
-            line = "  ".join(_FONT[char][row] for char in self.text)
+            line = " ".join(_FONT[char][row] for char in self.text)
             yield Text(line.replace(" ", "  ").replace("#", pixel), style=self.style, no_wrap=True, overflow="crop")
 
 
@@ -81,7 +83,7 @@ def picture(state: BoardState) -> RenderableType:
 def headline_text(state: BoardState) -> str:
     """What stands in large digits: the running lap in tenths; the last lap while flashing and once the run is over."""
     if state.last_lap is not None and (state.flashing or state.phase is Phase.FINISHED):
-        return f"{state.last_lap.time_s:.3f}"
+        return f"{state.last_lap.time_s:.3f}"[:HEADLINE_CHARS]
     return "--.-" if state.running_s is None else f"{state.running_s:.1f}"
 
 
@@ -112,6 +114,8 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
 
 def _headline(state: BoardState) -> RenderableType:
     facts = Table.grid(padding=(0, 1))
+    for width in (5, 10, 7):
+        facts.add_column(min_width=width)
     for name, lap in (("last", state.last_lap), ("best", state.best_lap)):
         style = "bold green" if name == "best" else "bold"
         facts.add_row(

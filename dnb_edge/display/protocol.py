@@ -274,12 +274,13 @@ def plain(text: str) -> str:
     return re.sub(r"[^ -)+-~]", "?", " ".join(bare.split())) or "-"
 
 
+# max(0.0, value), in this order, makes 0.0 of -0.0.
 def _seconds(value: float) -> str:
-    return f"{min(max(value, 0.0), 999_999.999):.3f}"
+    return f"{min(max(0.0, value), 999_999.999):.3f}"
 
 
 def _tenths(value: float | None) -> str:
-    return "-" if value is None else f"{min(max(value, 0.0), 999_999.9):.1f}"
+    return "-" if value is None else f"{min(max(0.0, value), 999_999.9):.1f}"
 
 
 def _int(word: str | None) -> int | None:

@@ -69,9 +69,14 @@ class SerialDisplay(ClosesOnExit):
         """Tell the last state if the port takes it, and let go of the port."""
         self._mailbox.close()
         self._thread.join(timeout=CLOSE_S)
-        self._status = DisplayStatus.OFFLINE
 
     def _serve(self) -> None:
+        try:
+            self._keep_connected()
+        finally:
+            self._status = DisplayStatus.OFFLINE
+
+    def _keep_connected(self) -> None:
         attempt = 0
         while not self._mailbox.closed:
             try:
@@ -94,7 +99,8 @@ class SerialDisplay(ClosesOnExit):
         closing = False
         while not closing:
             closing = self._mailbox.closed
-            state = self._mailbox.take(pause_s=PERIOD_S, patience_s=SIGN_OF_LIFE_S) or BoardState()
+            patience_s = 0.0 if shown is None else SIGN_OF_LIFE_S
+            state = self._mailbox.take(pause_s=min(PERIOD_S, patience_s), patience_s=patience_s) or BoardState()
             if shown is None or time.monotonic() - painted_s > REPAINT_S:
                 told = messages.repaint(state)
                 painted_s = time.monotonic()

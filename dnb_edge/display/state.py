@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from dnb_edge import values
+from dnb_edge.track.model import START_LINE
 
 LAPS_KEPT = 50
 """Laps that a board remembers for its table: a day of practice must not grow without end."""
@@ -36,7 +37,7 @@ class Phase(StrEnum):
 class BoardState:
     """What any display shows; cumulative, so that a display which missed states has missed nothing."""
 
-    start_line: str = "start"
+    start_line: str = START_LINE
     """Name of the line whose forward crossings begin and end laps."""
     laps_wanted: int | None = None
     """Laps after which the run ends; None where it has no end."""

@@ -6,7 +6,10 @@ Where the console is no terminal it prints plain lines only. A thread of its own
 
 from __future__ import annotations
 
+import errno
+import os
 import threading
+from typing import NoReturn
 
 from rich.console import Console
 from rich.live import Live
@@ -21,11 +24,19 @@ PERIOD_S = 0.1
 CLOSE_S = 1.0
 
 
-class TerminalDisplay(ClosesOnExit):
-    """A `Display` on `console`, by default the process's stderr."""
+class BoardConsole(Console):
+    """A console whose reader may go away: rich's own would then put the process's stdout to /dev/null and exit."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self._console = Console(stderr=True) if console is None else console
+    def on_broken_pipe(self) -> NoReturn:
+        """Raise what happened."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+
+
+class TerminalDisplay(ClosesOnExit):
+    """A `Display` on `console`, by default the process's stderr. Log through the same console: the board stays whole."""
+
+    def __init__(self, console: BoardConsole | None = None) -> None:
+        self._console = BoardConsole(stderr=True) if console is None else console
         self._mailbox = Mailbox()
         self._fault: str | None = None
         self._thread = threading.Thread(target=self._paint, name="display-terminal", daemon=True)
@@ -53,7 +64,8 @@ class TerminalDisplay(ClosesOnExit):
     def _paint(self) -> None:
         try:
             if self._console.is_terminal and not self._console.is_dumb_terminal:
-                with Live(console=self._console, auto_refresh=False, transient=False) as live:
+                # stdout belongs to --json and must not be drawn into the board.
+                with Live(console=self._console, auto_refresh=False, redirect_stdout=False) as live:
                     self._follow(live)
             else:
                 self._follow(None)
@@ -70,7 +82,7 @@ class TerminalDisplay(ClosesOnExit):
             if state is None or (state is shown and not closing):
                 continue
             for line in printed_lines(shown, state):
-                self._console.print(line, highlight=False, soft_wrap=True)
+                self._console.print(line, markup=False, highlight=False, soft_wrap=True)
             if live is not None:
                 live.update(picture(state), refresh=True)
             shown = state

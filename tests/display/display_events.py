@@ -1,0 +1,82 @@
+"""Events as a race gives them, for the tests of the displays."""
+
+from dnb_edge import values
+from dnb_edge.display.state import BoardState
+
+
+def lap(number=1, start_s=2.0, time_s=12.483, *, valid=True, similarity=95.78, reasons=()):
+    return values.Lap(
+        number=number,
+        start_t_ns=round(start_s * 1e9),
+        end_t_ns=round((start_s + time_s) * 1e9),
+        start_s=start_s,
+        time_s=time_s,
+        sigma_s=0.0021,
+        valid=valid,
+        reasons=reasons,
+        similarity_percent=similarity,
+        observed_fraction=0.99,
+    )
+
+
+def crossing(t_s, *, line="start", direction=values.Direction.FORWARD):
+    return values.Crossing(
+        t_ns=round(t_s * 1e9),
+        t_s=t_s,
+        line=line,
+        direction=direction,
+        sigma_s=0.0015,
+        track_m=(1.0, 0.5),
+        target_id=1,
+        estimated=False,
+    )
+
+
+def target(t_s, state=values.TargetState.CONFIRMED):
+    return values.Target(
+        target_id=1,
+        state=state,
+        t_ns=round(t_s * 1e9),
+        t_s=t_s,
+        track_m=(1.0, 0.5),
+        velocity_mps=(1.0, 0.0),
+        covariance_m2=(1e-4, 0.0, 1e-4),
+    )
+
+
+def health(t_s=3.0, *, warnings=(), display="online"):
+    return values.Health(
+        t_ns=round(t_s * 1e9),
+        t_s=t_s,
+        frames=90,
+        detected_frames=88,
+        dropped_frames=0,
+        fps=29.94,
+        latency_ms=21.0,
+        display=display,
+        recording="recording",
+        view_error_mean_px=None,
+        view_error_mean_m=None,
+        warnings=warnings,
+    )
+
+
+def run_summary(laps=3):
+    return values.RunSummary(frames=900, detected_frames=890, laps=laps, recording=None)
+
+
+def board(*events, **fields):
+    """The board after `events`."""
+    state = BoardState(**fields)
+    for event in events:
+        state = state.after(event)
+    return state
+
+
+def race(laps, *, start_s=2.0, time_s=10.0, **fields):
+    """The board after an out lap and `laps` laps of `time_s`."""
+    state = board(target(1.0), crossing(start_s), **fields)
+    for number in range(1, laps + 1):
+        begin_s = start_s + (number - 1) * time_s
+        state = state.after(crossing(begin_s + time_s)).after(lap(number, begin_s, time_s))
+    return state
