@@ -43,6 +43,7 @@ class DurableFile:
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(final))
         self.final = final
         self.path = final.with_name(final.name + suffix)
+        """The file as it is called now."""
         self.failure: OSError | None = None
         self._size = 0
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
@@ -114,7 +115,7 @@ class DurableFile:
             os.fsync(self._descriptor)
             if self.final.exists():
                 raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(self.final))
-            self.path.rename(self.final)
+            self.path = self.path.rename(self.final)
             sync_directory(self.final.parent)
         except OSError as error:
             self._fail(error)

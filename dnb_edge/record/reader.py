@@ -191,9 +191,9 @@ def _losses(metadata: dict[str, dict[str, str]]) -> tuple[int, tuple[str, ...]]:
         warnings.append(f"{lost_messages} messages were not recorded, the disk could not keep up")
     recovery = metadata.get(RECOVERY_METADATA_NAME)
     if recovery is not None:
-        bad_chunks = _count(recovery.get("bad_chunks"))
-        lost_messages += bad_chunks
-        warnings.append(f"recovered from {recovery.get('from', 'a damaged file')}, {bad_chunks} damaged parts left out")
+        bad_parts = _count(recovery.get("bad_parts"))
+        lost_messages += bad_parts + _count(recovery.get("orphans"))
+        warnings.append(f"recovered from {recovery.get('from', 'a damaged file')}, {bad_parts} damaged parts left out")
     return lost_messages, tuple(warnings)
 
 

@@ -37,8 +37,8 @@ _READERS: dict[int, Callable[[ReadDataStream], Record]] = {
     Opcode.METADATA: Metadata.read,
 }
 
-_PARSE_ERRORS = (McapError, struct.error, ValueError)
-"""UnicodeDecodeError is a ValueError."""
+_PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError)
+"""What the stock parsers raise on garbage; UnicodeDecodeError is a ValueError."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,16 +58,16 @@ class _BadRecord(Exception):
 class LinearReader:
     """Reads one file front to back, once. After `records` has ended, the other attributes say how it went."""
 
-    def __init__(self, path: Path, *, skip_bad_chunks: bool = False) -> None:
-        """Nothing is opened yet. `skip_bad_chunks` goes on after a chunk whose content is wrong."""
+    def __init__(self, path: Path, *, skip_bad_parts: bool = False) -> None:
+        """Nothing is opened yet. `skip_bad_parts` goes on after a chunk whose content is wrong."""
         self.path = path
-        self._skip_bad_chunks = skip_bad_chunks
+        self._skip_bad_parts = skip_bad_parts
         self.is_mcap = False
         self.complete = False
         """True where the file ends as it should: data end, footer, magic."""
         self.damage: Damage | None = None
         """The first thing wrong; None where nothing is, that is where `complete`."""
-        self.bad_chunks = 0
+        self.bad_parts = 0
         self.good_bytes = 0
         """Length of the prefix of whole records."""
 
@@ -80,6 +80,7 @@ class LinearReader:
                 self._damaged(0, "no MCAP file", truncated=False)
                 return
             self.good_bytes = len(MAGIC)
+            checksum = zlib.crc32(MAGIC)
             ended = False
             while not ended:
                 offset = stream.tell()
@@ -94,14 +95,19 @@ class LinearReader:
                 if offset + 9 + length > size:
                     self._damaged(offset, "ends in the middle of a record", truncated=True)
                     return
+                body = stream.read(length)
                 try:
-                    yield from _unfold(opcode, stream.read(length))
+                    yield from _unfold(opcode, body)
+                    # A changed opcode or length can hide a whole record from the checks within records.
+                    if opcode == Opcode.DATA_END and _stored_checksum(body) not in (0, checksum):
+                        raise _BadRecord("the checksum over all data is wrong")
                 except _BadRecord as error:
                     self._damaged(offset, str(error), truncated=False)
-                    self.bad_chunks += 1
-                    if not (self._skip_bad_chunks and opcode == Opcode.CHUNK):
+                    self.bad_parts += 1
+                    if not (self._skip_bad_parts and opcode in (Opcode.CHUNK, Opcode.DATA_END)):
                         return
                 ended = opcode == Opcode.FOOTER
+                checksum = zlib.crc32(body, zlib.crc32(head, checksum))
                 self.good_bytes = stream.tell()
             self._check_end(stream)
 
@@ -149,9 +155,17 @@ def _message(body: bytes) -> Message:
 
 
 def _check_attachment(body: bytes) -> None:
-    (stored,) = struct.unpack("<I", body[-4:])
-    if stored not in (0, zlib.crc32(body[:-4])):
+    if _stored_checksum(body) not in (0, zlib.crc32(body[:-4])):
         raise _BadRecord("an attachment's checksum is wrong")
+
+
+def _stored_checksum(body: bytes) -> int:
+    """The CRC-32 in the last four bytes of `body`; 0 where none was stored."""
+    try:
+        (stored,) = struct.unpack("<I", body[-4:])
+    except struct.error as error:
+        raise _BadRecord("a checksum is missing") from error
+    return int(stored)
 
 
 def _parse_chunk(body: bytes) -> Chunk:

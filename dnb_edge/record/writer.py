@@ -202,7 +202,7 @@ class Recorder:
     @property
     def path(self) -> Path:
         """The file as it is called now."""
-        return self._file.final if self._finished else self._file.path
+        return self._file.path
 
     def close(self, timeout_s: float | None = None) -> Path:
         """Write what waits, finish the file and give it its final name. May be called again.

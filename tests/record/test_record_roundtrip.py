@@ -9,36 +9,22 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from record_samples import HEADER, found, frame, lap, recorder, target
 
 from dnb_edge import values, wire
 from dnb_edge.errors import InputError
-from dnb_edge.record.channels import JSON_TOPICS, TrackScene
-from dnb_edge.record.header import RunHeader, software_versions
+from dnb_edge.record.channels import JSON_TOPICS
 from dnb_edge.record.reader import iter_frames, read_run
-from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.values import (
-    Clock,
     Detection,
     Direction,
-    Frame,
     FrameDetections,
     Lap,
     Observation,
-    SourceInfo,
     StampSource,
     Target,
     TargetState,
 )
-
-SOURCE = SourceInfo(uri="sim:", width_px=64, height_px=36, nominal_fps=30.0, clock=Clock.SIMULATED, live=False)
-HEADER = RunHeader(
-    name="demo driver",
-    setup={"route_m": [[0.1, 0.2], [1e-17, 3.3]], "lap": {"minimum_s": None}},
-    config={"track": {"image": "twin.png"}},
-    source=SOURCE,
-    versions=software_versions(),
-)
-SCENE = TrackScene(route_m=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), lines_m={"start": ((0.5, -0.1), (0.5, 0.1))})
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 positive_ns = st.integers(min_value=0, max_value=4 * 10**18)
@@ -145,55 +131,6 @@ events = st.one_of(
         recording=st.none() | st.text(),
     ),
 )
-
-
-def recorder(directory: Path, **changes) -> Recorder:
-    return Recorder(RecordingSettings(**({"directory": directory, "lossless": True} | changes)), HEADER, SCENE)
-
-
-def frame(sequence: int, t_ns: int, *, jpeg: bytes | None = None) -> Frame:
-    bgr = np.full((36, 64, 3), sequence % 256, np.uint8) if jpeg is None else None
-    return Frame(
-        sequence=sequence,
-        t_ns=t_ns,
-        stamp_source=StampSource.SIMULATED,
-        width_px=64,
-        height_px=36,
-        jpeg=jpeg,
-        bgr=bgr,
-    )
-
-
-def found(sequence: int, t_ns: int) -> FrameDetections:
-    one = Detection(camera_px=(12.5 + sequence, 7.25), sigma_px=0.5, length_px=9.0, confidence=0.9)
-    return FrameDetections(sequence=sequence, t_ns=t_ns, detections=(one,), full_frame=True)
-
-
-def target(t_ns: int) -> Target:
-    return Target(
-        target_id=1,
-        state=TargetState.CONFIRMED,
-        t_ns=t_ns,
-        t_s=t_ns / 1e9,
-        track_m=(0.25, 0.5),
-        velocity_mps=(0.0, 1.0),
-        covariance_m2=(1e-4, 0.0, 1e-4),
-    )
-
-
-def lap(number: int, end_t_ns: int) -> Lap:
-    return Lap(
-        number=number,
-        start_t_ns=0,
-        end_t_ns=end_t_ns,
-        start_s=0.0,
-        time_s=end_t_ns / 1e9,
-        sigma_s=0.002,
-        valid=True,
-        reasons=(),
-        similarity_percent=95.78,
-        observed_fraction=1.0,
-    )
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)

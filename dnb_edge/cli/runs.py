@@ -1,0 +1,172 @@
+"""`dnb-edge runs`: the recordings in a directory: list them, recover those that were cut short, export their laps.
+
+Knows how to show; `record` knows how to read. Registered by `cli.main` as a sub-app.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from dnb_edge import wire
+from dnb_edge.errors import InputError, WorkError
+from dnb_edge.record.channels import EVENT_TOPICS
+from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.record.reader import damage_text, read_run
+from dnb_edge.record.recover import Leftover, Recovery, recover_directory, recover_file
+from dnb_edge.values import Lap
+
+app = typer.Typer(help="List, recover and export recordings.", no_args_is_help=True)
+
+LAP_COLUMNS = ("number", "start_s", "time_s", "sigma_s", "valid", "reasons", "similarity_percent", "observed_fraction")
+
+Directory = Annotated[Path, typer.Argument(help="The directory with the recordings.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout.")]
+
+
+class RunState(StrEnum):
+    """How a recording in a directory stands."""
+
+    WHOLE = "whole"
+    PART = "part"
+    """Being recorded, or cut short."""
+    DAMAGED = "damaged"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListedRun:
+    """One line of the list. Durations are from first to last stamp."""
+
+    file: str
+    state: RunState
+    name: str | None
+    source: str | None
+    duration_s: float | None
+    laps: int | None
+    size_bytes: int
+    note: str | None
+
+
+@app.command("list")
+def list_runs(directory: Directory = Path(), *, as_json: AsJson = False) -> None:
+    """List the recordings in DIRECTORY."""
+    if not directory.is_dir():
+        raise InputError(f"{directory}: there is no such directory")
+    paths = sorted([*directory.glob("*.mcap"), *directory.glob(f"*{PART_SUFFIX}")])
+    runs = [listed_run(path) for path in paths]
+    if as_json:
+        for run in runs:
+            typer.echo(json.dumps(asdict(run)))
+        return
+    table = Table("file", "state", "name", "laps", "duration", "size", "note", box=None)
+    for run in runs:
+        duration = "" if run.duration_s is None else f"{run.duration_s:.1f} s"
+        laps = "" if run.laps is None else str(run.laps)
+        size = f"{run.size_bytes / 1e6:.1f} MB"
+        table.add_row(run.file, run.state.value, run.name or "", laps, duration, size, run.note or "")
+    Console().print(table)
+
+
+@app.command("recover")
+def recover(
+    paths: Annotated[list[Path], typer.Argument(help="Damaged recordings, or directories with .part files.")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Bring back recordings that were cut short by a power cut, a crash or a full disk."""
+    results: list[Recovery | Leftover] = []
+    for path in paths:
+        results += recover_directory(path) if path.is_dir() else [recover_file(path)]
+    for result in results:
+        typer.echo(json.dumps(asdict(result), default=str) if as_json else _recovery_text(result))
+    failed = [result for result in results if isinstance(result, Leftover)]
+    if failed:
+        raise WorkError(f"{len(failed)} of {len(results)} files could not be recovered")
+
+
+@app.command("export")
+def export(
+    run: Annotated[Path, typer.Argument(help="The recording.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; stdout without it.")] = None,
+) -> None:
+    """Write the laps of RUN as CSV."""
+    text = laps_csv(run)
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        # Exclusive: an export never replaces a file.
+        with output.open("x", encoding="utf-8", newline="") as stream:
+            stream.write(text)
+    except FileExistsError as error:
+        raise InputError(f"{output}: is there already; choose another name") from error
+    except OSError as error:
+        raise WorkError(f"{output}: cannot be written: {error.strerror}") from error
+
+
+def listed_run(path: Path) -> ListedRun:
+    """What `list` says of one file; a file that cannot be read is listed with the reason."""
+    size_bytes = path.stat().st_size
+    part = path.name.endswith(PART_SUFFIX)
+    nothing: dict[str, Any] = dict.fromkeys(("name", "source", "duration_s", "laps"))
+    try:
+        run = read_run(path, tolerate_damage=True)
+    except InputError as error:
+        state = RunState.PART if part else RunState.DAMAGED
+        return ListedRun(file=path.name, state=state, size_bytes=size_bytes, note=str(error), **nothing)
+    whole = RunState.WHOLE if run.damage is None else RunState.DAMAGED
+    duration_s = None
+    if run.first_t_ns is not None and run.last_t_ns is not None:
+        duration_s = (run.last_t_ns - run.first_t_ns) / 1e9
+    notes = [*run.warnings, *([] if run.damage is None else [damage_text(run.damage)])]
+    return ListedRun(
+        file=path.name,
+        state=RunState.PART if part else whole,
+        name=run.header.name,
+        source=run.header.source.uri,
+        duration_s=duration_s,
+        laps=run.counts.get(EVENT_TOPICS[Lap], 0),
+        size_bytes=size_bytes,
+        note="; ".join(notes) or None,
+    )
+
+
+def laps_csv(path: Path) -> str:
+    """The laps of the recording at `path` as CSV with a heading, floats in full. Raises InputError."""
+    run = read_run(path)
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(("run", *LAP_COLUMNS))
+    for event in run.events():
+        if isinstance(event, Lap):
+            cells = wire.to_dict(event) | {"reasons": "; ".join(event.reasons)}
+            writer.writerow([_cell(run.header.name), *(_cell(cells[column]) for column in LAP_COLUMNS)])
+    return text.getvalue()
+
+
+def _cell(value: object) -> str:
+    """`value` as a spreadsheet should show it: never as a formula, whatever name somebody gave to a run."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return "'" + value
+    return str(value)
+
+
+def _recovery_text(result: Recovery | Leftover) -> str:
+    if isinstance(result, Leftover):
+        return result.reason
+    lost = f", {result.bad_parts} damaged parts left out" if result.bad_parts else ""
+    kept = f"; the damaged file is kept beside {result.path.name}" if result.original_kept else ""
+    return f"{result.path}: {result.messages} messages, {result.laps} laps recovered{lost}{kept}"
