@@ -1,0 +1,134 @@
+"""The service unit: understood by systemd without a word, hardened, and holding to the decisions that neither check sees."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SYSTEMD = Path(__file__).resolve().parents[2] / "systemd"
+UNIT = SYSTEMD / "dnb-edge.service"
+
+ANALYZE = shutil.which("systemd-analyze")
+SYSUSERS = shutil.which("systemd-sysusers")
+needs_analyze = pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+needs_sysusers = pytest.mark.skipif(SYSUSERS is None, reason="systemd-sysusers is not installed")
+
+
+def settings():
+    """The unit's assignments, key to all values in order."""
+    found = {}
+    for key, value in re.findall(r"^(\w+)=(.*)$", UNIT.read_text(encoding="utf-8"), flags=re.MULTILINE):
+        found.setdefault(key, []).append(value)
+    return found
+
+
+@pytest.fixture
+def installable(tmp_path):
+    """A copy of the unit whose program exists on this machine."""
+
+    def write(extra=""):
+        text = re.sub(r"^ExecStart=.*$", "ExecStart=/bin/true", UNIT.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        path = tmp_path / UNIT.name
+        path.write_text(text.replace("[Service]\n", f"[Service]\n{extra}"), encoding="utf-8")
+        return path
+
+    return write
+
+
+def analyze(*arguments):
+    return subprocess.run(
+        [ANALYZE, "--no-pager", *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@needs_analyze
+def test_systemd_understands_every_line(installable):
+    """`verify` exits with 0 even for unknown keys, so any word from it is a failure."""
+    verdict = analyze("verify", installable())
+    assert (verdict.returncode, verdict.stdout, verdict.stderr) == (0, "", "")
+
+
+@needs_analyze
+def test_a_typing_error_would_be_noticed(installable):
+    """The check above can fail: a misspelt key makes `verify` speak."""
+    verdict = analyze("verify", installable("WatchdogSex=3\n"))
+    assert "WatchdogSex" in verdict.stderr
+
+
+@needs_analyze
+def test_the_service_is_hardened(installable):
+    """systemd's own exposure level is at most 2.0 of 10; a naive unit has 9.2."""
+    verdict = analyze("security", "--offline=true", "--threshold=20", installable())
+    assert verdict.returncode == 0, verdict.stdout
+    assert float(re.search(r"exposure level for \S+: ([0-9.]+)", verdict.stdout)[1]) <= 2.0
+
+
+@needs_analyze
+def test_a_naive_unit_would_be_noticed(tmp_path):
+    """The threshold can fail."""
+    naive = tmp_path / "naive.service"
+    naive.write_text("[Service]\nExecStart=/bin/true\n", encoding="utf-8")
+    assert analyze("security", "--offline=true", "--threshold=20", naive).returncode != 0
+
+
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [
+        ("Type", ["notify"]),
+        ("NotifyAccess", ["main"]),
+        ("WatchdogSec", ["10"]),
+        ("Restart", ["on-failure"]),
+        ("RestartSec", ["1"]),
+        ("StartLimitIntervalSec", ["0"]),
+        ("SupplementaryGroups", ["video dialout"]),
+        ("DevicePolicy", ["closed"]),
+        ("DeviceAllow", ["char-video4linux rw", "char-ttyUSB rw", "char-ttyACM rw"]),
+        ("PrivateNetwork", ["yes"]),
+        ("RestrictAddressFamilies", ["AF_UNIX"]),
+        ("Environment", ["ORT_DISABLE_TELEMETRY=1"]),
+    ],
+)
+def test_decisions_stand(key, values):
+    """Restarting for ever, a watchdog, two kinds of device, no network, no telemetry: what the appliance is built on."""
+    assert settings()[key] == values
+
+
+def test_the_processor_stays_visible():
+    """ProcSubset=pid would hide /proc/cpuinfo, from which ONNX Runtime learns what the processor can do."""
+    assert "ProcSubset" not in settings()
+
+
+def test_stop_leaves_time_to_finish_the_recording():
+    """SIGTERM finishes the recording within 5 s; systemd kills no earlier."""
+    (patience_s,) = settings()["TimeoutStopSec"]
+    assert int(patience_s) > 5
+
+
+def test_paths_are_granted():
+    """The recordings and the configuration of the command line lie in directories that the unit makes and may use."""
+    (command,) = settings()["ExecStart"]
+    runs = re.search(r"--record /var/lib/(\S+)", command)[1]
+    config = re.search(r"--config /etc/(\S+)/dnb-edge.yaml", command)[1]
+    assert runs in settings()["StateDirectory"][0].split()
+    assert settings()["ConfigurationDirectory"] == [config]
+
+
+@needs_sysusers
+def test_the_user_of_the_unit_is_made(tmp_path):
+    """The shipped sysusers file makes the user and the group that the unit names, and says nothing against it."""
+    (tmp_path / "etc").mkdir()
+    made = subprocess.run(
+        [SYSUSERS, f"--root={tmp_path}", SYSTEMD / "dnb-edge.sysusers.conf"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    if made.returncode != 0 and "ermission denied" in made.stderr:
+        pytest.skip("systemd-sysusers needs root here")
+    assert made.returncode == 0, made.stderr
+    (user,), (group,) = settings()["User"], settings()["Group"]
+    assert f"{user}:" in (tmp_path / "etc" / "passwd").read_text(encoding="utf-8")
+    assert f"{group}:" in (tmp_path / "etc" / "group").read_text(encoding="utf-8")
