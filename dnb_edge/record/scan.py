@@ -103,7 +103,8 @@ class LinearReader:
                         raise _BadRecord("the checksum over all data is wrong")
                 except _BadRecord as error:
                     self._damaged(offset, str(error), truncated=False)
-                    self.bad_parts += 1
+                    # A wrong checksum over all data says nothing new behind a part that is already known to be bad.
+                    self.bad_parts += opcode != Opcode.DATA_END or self.bad_parts == 0
                     if not (self._skip_bad_parts and opcode in (Opcode.CHUNK, Opcode.DATA_END)):
                         return
                 ended = opcode == Opcode.FOOTER

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
 
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.record.header import RunHeader, software_versions
@@ -90,3 +91,10 @@ def small_run(directory: Path, *, frames: int = 60, laps_every: int = 20, **chan
         if sequence % laps_every == laps_every - 1:
             assert writer.wait_saved(writer.add_event(lap(sequence // laps_every + 1, t_ns)))
     return writer.close()
+
+
+def chunk_spans(path: Path) -> list[tuple[int, int]]:
+    """(start, end) offset of each chunk of a whole file, by the stock reader's index."""
+    with path.open("rb") as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    return sorted((one.chunk_start_offset, one.chunk_start_offset + one.chunk_length) for one in indexes)
