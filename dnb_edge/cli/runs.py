@@ -67,7 +67,10 @@ def list_runs(directory: Directory = Path(), *, as_json: AsJson = False) -> None
         for run in runs:
             typer.echo(json.dumps(asdict(run)))
         return
-    table = Table("file", "state", "name", "laps", "duration", "size", "note", box=None)
+    table = Table(box=None)
+    table.add_column("file", no_wrap=True)
+    for heading in ("state", "name", "laps", "duration", "size", "note"):
+        table.add_column(heading, overflow="fold")
     for run in runs:
         duration = "" if run.duration_s is None else f"{run.duration_s:.1f} s"
         laps = "" if run.laps is None else str(run.laps)
@@ -88,6 +91,8 @@ def recover(
         results += recover_directory(path) if path.is_dir() else [recover_file(path)]
     for result in results:
         typer.echo(json.dumps(asdict(result), default=str) if as_json else _recovery_text(result))
+    if not results and not as_json:
+        typer.echo("nothing to recover")
     failed = [result for result in results if isinstance(result, Leftover)]
     if failed:
         raise WorkError(f"{len(failed)} of {len(results)} files could not be recovered")

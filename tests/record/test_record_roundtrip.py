@@ -216,3 +216,66 @@ def test_missing_recording_is_one_clear_line(tmp_path: Path) -> None:
     """A path that is not there raises InputError naming it."""
     with pytest.raises(InputError, match=r"none\.mcap: there is no such recording"):
         read_run(tmp_path / "none.mcap")
+
+
+def decoded_messages(path: Path) -> dict[str, list]:
+    """All protobuf messages by topic, decoded by Google's library from the schemas in the file itself."""
+    descriptor_pb2 = pytest.importorskip("google.protobuf.descriptor_pb2")
+    descriptor_pool = pytest.importorskip("google.protobuf.descriptor_pool")
+    message_factory = pytest.importorskip("google.protobuf.message_factory")
+    decoded: dict[str, list] = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            if schema.encoding == "protobuf":
+                pool = descriptor_pool.DescriptorPool()
+                for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+                    pool.Add(file)
+                kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+                decoded.setdefault(channel.topic, []).append(kind.FromString(message.data))
+    return decoded
+
+
+def test_pictures_pose_and_scene_decode_by_their_own_schemas(tmp_path: Path) -> None:
+    """Decoded by the schemas in the file: the circle lies on the detection in camera px, the pose in metres in frame
+    `track` looks where the car drives, the route is closed, the lap is in the log, and stamps are the frame's."""
+    writer = recorder(tmp_path)
+    t_ns = 3_000_000_007
+    writer.add_frame(frame(4, t_ns))
+    writer.add_detections(found(4, t_ns))
+    writer.add_event(target(t_ns))
+    writer.add_event(lap(1, t_ns))
+    decoded = decoded_messages(writer.close())
+
+    (image,) = decoded["/camera/image"]
+    assert (image.format, image.frame_id, image.data[:2]) == ("jpeg", "camera", b"\xff\xd8")
+    assert (image.timestamp.seconds, image.timestamp.nanos) == (3, 7)
+    (annotations,) = decoded["/camera/annotations"]
+    (circle,) = annotations.circles
+    assert (circle.position.x, circle.position.y, circle.diameter) == (16.5, 7.25, 9.0)
+    assert (circle.timestamp.seconds, circle.timestamp.nanos) == (3, 7)
+    (pose,) = decoded["/car/pose"]
+    assert (pose.frame_id, pose.pose.position.x, pose.pose.position.y) == ("track", 0.25, 0.5)
+    assert (pose.pose.orientation.z, pose.pose.orientation.w) == pytest.approx((0.5**0.5, 0.5**0.5))
+    track, car = decoded["/scene"]
+    route, line = track.entities
+    assert [(point.x, point.y) for point in route.lines[0].points] == [(0, 0), (1, 0), (1, 1), (0, 0)]
+    assert (line.id, [(point.x, point.y) for point in line.lines[0].points]) == (
+        "line/start",
+        [(0.5, -0.1), (0.5, 0.1)],
+    )
+    assert [entity.id for entity in car.entities] == ["car/1", "trail/1"]
+    assert {entity.frame_id for update in (track, car) for entity in update.entities} == {"track"}
+    (line,) = decoded["/log"]
+    assert line.message == "lap 1: 3.000 s, 95.78 %, valid"
+
+
+def test_the_example_in_the_documentation_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """The Python lines of docs/recording.md print the laps of a recording."""
+    text = (Path(__file__).parents[2] / "docs" / "recording.md").read_text(encoding="utf-8")
+    code = text.split("```python\n")[1].split("```")[0]
+    writer = recorder(tmp_path)
+    writer.add_event(lap(1, 3_000_000_000))
+    writer.close().rename(tmp_path / "run.mcap")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "docs/recording.md", "exec"), {})
+    assert capsys.readouterr().out == "demo driver sim:\n1 3.0 True 95.78\n"
