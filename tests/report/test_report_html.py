@@ -1,0 +1,173 @@
+"""The HTML report: whole, safe, readable, and asking no other machine for anything."""
+
+import errno
+import os
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from dnb_edge.errors import InputError, WorkError
+from dnb_edge.report.html import render, write_report
+from dnb_edge.report.run import RunResult
+
+CALIBRATION = {
+    "mean_px": 26.69,
+    "sum_px": 240.23,
+    "max_px": 51.2,
+    "mean_m": 0.0667,
+    "leave_one_out_mean_px": 57.96,
+    "by_count": [{"points": 4, "mean_px": 1244.73, "sum_px": 11202.58}],
+}
+
+
+class Page(HTMLParser):
+    """What a browser would see of a page: open tags, attributes, text."""
+
+    VOID = frozenset({"meta", "img", "br", "link"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.links: list[str] = []
+        self.text = ""
+        self.feed(page)
+        assert self.open == [], "tags that are never closed"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.links += [value or "" for name, value in attrs if name in {"src", "href", "srcset", "action", "data"}]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_page_asks_nobody_for_anything(result: Callable[..., RunResult]) -> None:
+    """Both pictures are inside, there is no script, and the policy forbids what might slip in."""
+    page = render(result(calibration=CALIBRATION))
+    seen = Page(page)
+    assert len(seen.links) == 2
+    assert all(link.startswith("data:image/png;base64,") for link in seen.links)
+    assert not {"script", "link", "iframe", "object"} & set(seen.tags)
+    assert "default-src 'none'" in page
+    assert "url(" not in page
+    assert "@import" not in page
+
+
+def test_names_from_outside_are_text(result: Callable[..., RunResult]) -> None:
+    """Whatever an entry, a source, a warning, a config value or a reason is called, it makes no element."""
+    evil = "<script>alert(1)</script>\"'&\x1b[2J"
+    run = result(
+        entry=evil, source_uri=evil, warnings=(evil,), config={evil: evil}, hashes={evil: evil}, recording=evil
+    )
+    laps = tuple(replace(lap, valid=False, reasons=(evil,)) for lap in run.laps)
+    page = render(replace(run, laps=laps))
+    seen = Page(page)
+    assert "script" not in seen.tags
+    assert "\x1b" not in page
+    assert seen.text.count("<script>alert(1)</script>") >= 8
+
+
+def test_the_laps_are_told_in_full(result: Callable[..., RunResult]) -> None:
+    """Number, time with sigma, similarity, distances and, where a lap is not valid, why."""
+    text = Page(render(result(valid=(True, True, False)))).text
+    for fact in (
+        "12.4831 ± 0.0021",
+        "97.50",
+        "0.0210",
+        "0.0640",
+        "0.0190 / 0.0580",
+        "no: the car left the lane by 0.12 m",
+        "2 valid of 3",
+        "in 1188 of 1200 frames (99.0 %)",
+    ):
+        assert fact in text
+
+
+def test_a_run_without_laps_did_not_finish(result: Callable[..., RunResult]) -> None:
+    """The page of a failure says so and still stands."""
+    text = Page(render(result(lap_times_s=()))).text
+    assert "did not finish (DNF)" in text
+
+
+def test_a_lap_without_a_score_has_dashes(result: Callable[..., RunResult]) -> None:
+    """A lap that was not scored shows no zero."""
+    run = result(lap_times_s=(9.0,))
+    laps = tuple(replace(lap, similarity_percent=None) for lap in run.laps)
+    assert Page(render(replace(run, laps=laps, scores=()))).text.count("–") >= 4
+
+
+def test_the_transformation_error_is_shown(result: Callable[..., RunResult]) -> None:
+    """Mean, accumulated, largest and leave-one-out error, and the error by number of keypoints."""
+    text = Page(render(result(calibration=CALIBRATION))).text
+    for figure in ("26.69", "240.23", "51.20", "57.96", "0.0667", "1244.73", "11202.58"):
+        assert figure in text
+
+
+def test_the_same_run_gives_the_same_page(result: Callable[..., RunResult]) -> None:
+    """No date: a report can be compared with the one before."""
+    assert render(result()) == render(result())
+
+
+def test_the_report_appears_whole_under_its_name(tmp_path: Path, result: Callable[..., RunResult]) -> None:
+    """The folder is made, the old report replaced, and nothing else is left in it."""
+    run = result()
+    path = write_report(run, tmp_path / "new" / "folder")
+    path.write_text("old")
+    assert write_report(run, path.parent) == path
+    assert path.read_text(encoding="utf-8") == render(run)
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_is_the_callers_mistake(tmp_path: Path, result: Callable[..., RunResult]) -> None:
+    """A file where the folder should be: one line that names it."""
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match=r"taken/report\.html: the report cannot be written"):
+        write_report(result(), tmp_path / "taken")
+
+
+def test_a_full_disk_leaves_no_half_report(
+    tmp_path: Path, result: Callable[..., RunResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The old report stays as it was and the unfinished one is gone."""
+    run = result()
+    path = write_report(run, tmp_path)
+    path.write_text("old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(WorkError, match="No space left"):
+        write_report(run, tmp_path)
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("report.html", "old")]
+
+
+@pytest.mark.parametrize("scheme", [0, 1], ids=["light", "dark"])
+@pytest.mark.parametrize("ink", ["ink", "quiet", "bad"])
+@pytest.mark.parametrize("paper", ["paper", "stripe"])
+def test_text_has_the_contrast_of_wcag_aa(scheme: int, ink: str, paper: str) -> None:
+    """At least 4.5 to 1 in both schemes, as WCAG 2.2, 1.4.3, asks of text."""
+    page = resources.files("dnb_edge.report").joinpath("page.html").read_text(encoding="utf-8")
+    blocks = re.findall(r":root \{([^}]*)\}", page)
+    assert len(blocks) == 2
+    colours = dict(re.findall(r"--(\w+): #([0-9a-f]{6})", blocks[scheme]))
+    bright, dark = sorted((luminance(colours[ink]), luminance(colours[paper])), reverse=True)
+    assert (bright + 0.05) / (dark + 0.05) >= 4.5
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of WCAG 2.2 of a colour rrggbb."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
