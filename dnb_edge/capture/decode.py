@@ -21,8 +21,8 @@ _FLAGS = {
 def decode_bgr(frame: Frame, *, reduce: int = 1) -> BgrImage | None:
     """The picture of `frame`, shape (height, width, 3); both divided by `reduce` (1, 2, 4 or 8), rounded up.
 
-    None where the JPEG is damaged, cut off or of another size than the frame says: count it and go on, since cameras on long
-    USB cables send such frames now and then.
+    None where the JPEG cannot be decoded, is cut off or of another size than the frame says: count it and go on, since
+    cameras on long USB cables send such frames now and then. Wrong bits inside a whole JPEG give a wrong picture.
     """
     if reduce not in _FLAGS:
         raise ValueError(f"reduce must be 1, 2, 4 or 8, not {reduce}")
@@ -41,6 +41,6 @@ def decode_bgr(frame: Frame, *, reduce: int = 1) -> BgrImage | None:
 
 
 def _is_whole(jpeg: bytes) -> bool:
-    """Starts with SOI and ends with EOI, apart from the zeros with which some cameras pad. The decoder itself fills a
-    picture that was cut off with grey and says nothing."""
+    """Starts with SOI and ends with EOI, apart from the zeros with which some cameras pad. Some versions of the decoder fill
+    a picture that was cut off with grey and say nothing."""
     return jpeg[:2] == b"\xff\xd8" and jpeg.rstrip(b"\0")[-2:] == b"\xff\xd9"

@@ -40,6 +40,7 @@ class V4l2Source:
         self._path = path
         self._settings = settings
         self._lock = threading.Lock()
+        self._closing = threading.Lock()
         self._closed = threading.Event()
         self._last: tuple[int, int] | None = None
         self.overtaken_frames = 0
@@ -83,13 +84,12 @@ class V4l2Source:
 
     def close(self) -> None:
         """Stop the camera and give it back; safe to repeat and to call from another thread, where it ends `frames`."""
-        if self._closed.is_set():
-            return
-        self._closed.set()
-        os.write(self._wake_write, b"x")
-        with self._lock:
-            if self._device.closed:
+        with self._closing:
+            if self._closed.is_set():
                 return
+            self._closed.set()
+            os.write(self._wake_write, b"x")
+        with self._lock:
             try:
                 self._capture.close()
             except OSError as error:

@@ -142,5 +142,5 @@ def _set_controls(device: linux.Device, path: Path, controls: dict[str, int]) ->
         except KeyError as error:
             known = sorted(c.config_name for c in device.controls.values())
             raise InputError(f"{path}: the camera has no control {name!r}: it has {', '.join(known)}") from error
-        except AttributeError as error:
-            raise InputError(f"{path}: control {name!r} cannot be set ({error})") from error
+        except (AttributeError, OSError) as error:
+            raise InputError(f"{path}: control {name!r} cannot be set to {value} ({error})") from error

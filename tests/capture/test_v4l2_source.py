@@ -1,0 +1,242 @@
+"""The V4L2 source: set-up errors against the real kernel, streaming against a driver played below linuxpy."""
+
+import os
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from kernel_camera import ERROR, MONOTONIC, START_OF_EXPOSURE
+
+from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.source import open_source
+from dnb_edge.capture.v4l2 import stamp_of, yuyv_to_bgr
+from dnb_edge.capture.v4l2_setup import choose_pixel_format, refusal
+from dnb_edge.errors import InputError, TemporaryFault
+from dnb_edge.values import Clock, StampSource
+
+SMALL = CaptureSettings(width_px=64, height_px=48, stall_timeout_s=10.0)
+
+
+def jpeg(grey: int = 90) -> bytes:
+    return cv2.imencode(".jpg", np.full((48, 64, 3), grey, dtype=np.uint8))[1].tobytes()
+
+
+@pytest.mark.parametrize("name", ["/dev/null", "a regular file", "/dev/video-that-is-not-there"])
+def test_what_is_no_camera_is_refused_by_name(name, tmp_path):
+    """A missing node, a plain file and another kind of device each give one line that names the path and what there is."""
+    path = Path(name)
+    if name == "a regular file":
+        path = tmp_path / "video0"
+        path.write_bytes(b"not a camera")
+    with pytest.raises(InputError) as caught:
+        open_source(f"v4l2:{path}")
+    assert str(path) in str(caught.value)
+    assert "capture device" in str(caught.value) or "no such camera" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (16, "another program"),
+        (13, "group video"),
+        (1, "group video"),
+        (25, "not a capture device"),
+        (5, "refuses to start"),
+    ],
+)
+def test_kernel_errors_say_what_to_do(number, words):
+    """Each errno at set-up becomes a line that names the device and the remedy."""
+    error = refusal(Path("/dev/video3"), OSError(number, os.strerror(number)))
+    assert words in str(error)
+    assert str(error).startswith("/dev/video3: ")
+
+
+@pytest.mark.parametrize(
+    ("offered", "asked", "chosen"),
+    [
+        (["YUYV", "MJPG"], None, "MJPG"),
+        (["YUYV"], None, "YUYV"),
+        (["JPEG", "YUYV"], None, "JPEG"),
+        (["YUYV", "MJPG"], "YUYV", "YUYV"),
+    ],
+)
+def test_mjpeg_is_preferred_unless_asked_otherwise(offered, asked, chosen):
+    """USB 2 carries HD only as MJPEG, so that comes first; a format asked for wins."""
+    assert choose_pixel_format(Path("/dev/video0"), offered, asked) == chosen
+
+
+@pytest.mark.parametrize(("offered", "asked"), [(["H264"], None), ([], None), (["YUYV"], "MJPG"), (["RGB3"], "RGB3")])
+def test_formats_that_nobody_can_decode_are_refused(offered, asked):
+    """A camera without a usable format is bad input, named with what it offers."""
+    with pytest.raises(InputError, match="/dev/video0"):
+        choose_pixel_format(Path("/dev/video0"), offered, asked)
+
+
+@given(st.integers(0, 10**7), st.integers(0, 999_999), st.sampled_from([0, START_OF_EXPOSURE]))
+def test_kernel_stamps_are_exact_nanoseconds(seconds, microseconds, source):
+    """Seconds and microseconds become integer nanoseconds without a float between, and the flag says which moment."""
+    t_ns, stamp_source = stamp_of(MONOTONIC | source, seconds, microseconds, 7)
+    if seconds == microseconds == 0:
+        assert (t_ns, stamp_source) == (7, StampSource.ARRIVAL)
+    else:
+        assert divmod(t_ns, 1000) == (seconds * 1_000_000 + microseconds, 0)
+        assert stamp_source is (StampSource.START_OF_FRAME if source else StampSource.END_OF_FRAME)
+
+
+@pytest.mark.parametrize("flags", [0, 0x4000, START_OF_EXPOSURE])
+def test_stamps_of_another_clock_are_not_believed(flags):
+    """Without the monotonic flag the stamp is the moment of arrival, and says so."""
+    assert stamp_of(flags, 12, 5, 99) == (99, StampSource.ARRIVAL)
+
+
+def test_yuyv_rows_may_be_padded_and_short_buffers_are_damaged():
+    """The stride is the driver's, not twice the width; a buffer that ends early gives no picture."""
+    grey = np.full((4, 12), 128, dtype=np.uint8)
+    grey[:, :8:2] = 200
+    picture = yuyv_to_bgr(grey.tobytes(), 4, 4, 12)
+    assert picture is not None
+    assert picture.shape == (4, 4, 3)
+    assert np.ptp(picture) == 0
+    assert yuyv_to_bgr(grey.tobytes()[:-1], 4, 4, 12) is None
+
+
+def test_streams_with_kernel_stamps_and_numbers(play_camera):
+    """Four buffers, MJPEG, the driver's stamps and frame numbers: a jump in the numbers stays a jump."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    assert (source.info.width_px, source.info.height_px, source.info.nominal_fps) == (64, 48, 30.0)
+    assert (source.info.clock, source.info.live) == (Clock.MONOTONIC, True)
+    assert source.info.camera_id == "Played Camera (usb-test-1)"
+    assert camera.streaming
+    assert len(camera.buffers) == 4
+    frames = source.frames()
+    for sequence in (0, 1, 5, 6, 9, 10):
+        camera.finish(jpeg(sequence), sequence=sequence, t_us=1_000_000 + sequence * 33_333)
+        frame = next(frames)
+        assert (frame.sequence, frame.t_ns) == (sequence, 1_000_000_000 + sequence * 33_333_000)
+        assert frame.jpeg == jpeg(sequence)
+        assert frame.stamp_source is StampSource.START_OF_FRAME
+    source.close()
+    assert not camera.streaming
+
+
+def test_the_newest_frame_wins(play_camera):
+    """After a pause the newest of the waiting frames is given, the others are counted, and every buffer is queued again."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    frames = source.frames()
+    for sequence in range(3):
+        camera.finish(jpeg(sequence), sequence=sequence, t_us=1_000_000 + sequence)
+    assert next(frames).sequence == 2
+    assert source.overtaken_frames == 2
+    assert len(camera.queued) == 4
+    source.close()
+
+
+def test_damaged_and_stale_frames_are_left_out(play_camera):
+    """A buffer with the error flag, an empty one and one whose stamp steps back are counted and not given."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    frames = source.frames()
+    taken = []
+    reader = threading.Thread(target=lambda: taken.extend((next(frames), next(frames))))
+    reader.start()
+    camera.finish(jpeg(), sequence=1, t_us=1_000_000)
+    wait_for(lambda: source._last is not None)
+    for sequence, data, t_us, flags in (
+        (2, jpeg(), 1_033_000, MONOTONIC | ERROR),
+        (3, b"", 1_066_000, MONOTONIC),
+        (4, jpeg(), 900_000, MONOTONIC),
+    ):
+        before = source.damaged_frames
+        camera.finish(data, sequence=sequence, t_us=t_us, flags=flags)
+        wait_for(lambda before=before: source.damaged_frames == before + 1)
+    camera.finish(jpeg(), sequence=5, t_us=1_100_000)
+    reader.join(10)
+    assert [frame.sequence for frame in taken] == [1, 5]
+    source.close()
+
+
+def test_an_unplugged_camera_is_a_temporary_fault(play_camera):
+    """Taking a frame from a camera that is gone asks for another try, and closing it afterwards is quiet."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    camera.unplug()
+    with pytest.raises(TemporaryFault, match=str(camera.path)):
+        next(source.frames())
+    source.close()
+    source.close()
+
+
+def test_a_silent_camera_is_a_temporary_fault(play_camera):
+    """A camera that stays plugged in and sends nothing does not block the appliance for ever."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", CaptureSettings(width_px=64, height_px=48, stall_timeout_s=0.01))
+    with pytest.raises(TemporaryFault, match="no frame"):
+        next(source.frames())
+    source.close()
+
+
+def test_close_ends_a_blocked_read(play_camera):
+    """Another thread may close while `frames` waits; it then ends without an error."""
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", CaptureSettings(width_px=64, height_px=48, stall_timeout_s=60.0))
+    taken = []
+    reader = threading.Thread(target=lambda: taken.extend(source.frames()), daemon=True)
+    reader.start()
+    wait_for(source._lock.locked)
+    closer = threading.Thread(target=source.close, daemon=True)
+    closer.start()
+    closer.join(10)
+    reader.join(10)
+    assert not closer.is_alive()
+    assert not reader.is_alive()
+    assert taken == []
+
+
+def test_a_raw_camera_gives_pictures(play_camera):
+    """Without MJPEG the YUYV picture is converted, and a driver that knows no rate claims none."""
+    camera = play_camera(formats=("YUYV",), rates=False)
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    assert source.info.nominal_fps is None
+    camera.finish(bytes([200, 128]) * (64 * 48), sequence=0, t_us=1)
+    frame = next(source.frames())
+    assert frame.jpeg is None
+    assert frame.bgr is not None
+    assert frame.bgr.shape == (48, 64, 3)
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("played", "settings", "words"),
+    [
+        ({"busy_at": "S_FMT"}, SMALL, "another program"),
+        ({"busy_at": "STREAMON"}, SMALL, "another program"),
+        ({"caps": 0x04800000}, SMALL, "not a capture device"),
+        ({"formats": ("H264",)}, SMALL, "H264"),
+        ({}, CaptureSettings(), "64x48"),
+        ({}, CaptureSettings(width_px=64, height_px=48, pixel_format="YU12"), "YU12"),
+        ({}, CaptureSettings(width_px=64, height_px=48, controls={"focus": 3}), "focus"),
+    ],
+)
+def test_cameras_that_cannot_do_as_asked_are_refused(play_camera, played, settings, words):
+    """Busy, a metadata node, no usable format, another size: one line each, and the device is given back."""
+    camera = play_camera(**played)
+    with pytest.raises(InputError, match=words) as caught:
+        open_source(f"v4l2:{camera.path}", settings)
+    assert str(camera.path) in str(caught.value)
+
+
+def wait_for(condition) -> None:
+    """Let the other thread get there; gives up after ten seconds."""
+    pause = threading.Event()
+    for _ in range(10_000):
+        if condition():
+            return
+        pause.wait(0.001)
+    raise AssertionError("the other thread never got there")
