@@ -27,7 +27,7 @@ class MotionSettings:
     confirm_observations: int = 4
     """Observations that a target needs before it can be confirmed."""
     confirm_travel_m: float = 0.08
-    """Distance from its first observation that a target must have moved before it is confirmed."""
+    """Distance from its first to its latest observation that a target must have moved before it is confirmed."""
     tentative_lost_after_s: float = 0.2
     coasting_lost_after_s: float = 0.7
     """Time unseen after which a confirmed target is lost."""
@@ -196,4 +196,4 @@ class Follower:
 
 
 def _travel_m(target: Followed) -> float:
-    return math.dist(target.first.track_m, target.estimate.track_m)
+    return math.dist(target.first.track_m, target.last.track_m)

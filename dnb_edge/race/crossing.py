@@ -18,6 +18,9 @@ from dnb_edge.race.fix import Fix
 from dnb_edge.track.line import DirectedLine
 from dnb_edge.values import Crossing, Direction, PointM
 
+KEPT_FIXES = 1000
+"""Fixes kept of a car that stands on the line."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossingSettings:
@@ -52,7 +55,7 @@ class LineWatch:
     def __init__(self, line: DirectedLine, settings: CrossingSettings) -> None:
         self._line = line
         self._settings = settings
-        self._recent: deque[Fix] = deque()
+        self._recent: deque[Fix] = deque(maxlen=KEPT_FIXES)
         self._side: Direction | None = None
         self._pending: _Pending | None = None
 
@@ -74,7 +77,8 @@ class LineWatch:
 
     def tick(self, t_ns: int) -> list[Crossing]:
         """Says that time has come to `t_ns`; returns the crossing whose fit waits for nothing more."""
-        waits = self._pending is not None and t_ns - self._pending.after.t_ns <= self._settings.fit_half_s * 1e9
+        pending = self._pending
+        waits = pending is not None and t_ns - pending.after.t_ns <= self._fit_half_ns(pending)
         return [] if waits else self.finish()
 
     def finish(self) -> list[Crossing]:
@@ -93,14 +97,14 @@ class LineWatch:
         return None
 
     def _forget(self, t_ns: int) -> None:
-        """Drops what no fit and no bracket can need: all but the fit's stretch before now, and the last fix of all."""
-        keep_ns = 2 * self._settings.fit_half_s * 1e9
+        """Drops what no fit and no bracket can need: all but a few of the fit's stretches before now."""
+        keep_ns = 10 * self._settings.fit_half_s * 1e9
         while len(self._recent) > 1 and self._recent[0].t_ns < t_ns - keep_ns:
             self._recent.popleft()
 
     def _crossing(self, pending: _Pending) -> Crossing:
         before, after = pending.before, pending.after
-        half_ns = self._settings.fit_half_s * 1e9
+        half_ns = self._fit_half_ns(pending)
         fixes = [
             fix
             for fix in self._recent
@@ -117,10 +121,16 @@ class LineWatch:
             line=self._line.name,
             direction=pending.direction,
             sigma_s=math.hypot(sigma_s, spread_s, self._settings.stamp_sigma_s),
-            track_m=_between(before.track_m, after.track_m, share),
+            track_m=_between(before.observed_m, after.observed_m, share),
             target_id=after.target_id,
             estimated=estimated,
         )
+
+    def _fit_half_ns(self, pending: _Pending) -> float:
+        """Reach of the fit before and after the line: at slow frame rates longer, so that it still has a curve to see."""
+        step_ns = pending.after.t_ns - pending.before.t_ns
+        half_ns = self._settings.fit_half_s * 1e9
+        return min(max(half_ns, 2.5 * step_ns), 2 * half_ns)
 
     def _instant(self, before: Fix, after: Fix, fixes: Sequence[Fix]) -> tuple[int, float]:
         """(t_ns, sigma_s) of the zero of the signed distance, by a weighted polynomial fit round the line."""
@@ -128,7 +138,7 @@ class LineWatch:
         t = np.array([(fix.t_ns - t0) * 1e-9 for fix in fixes])
         h = np.array([self._line.signed_distance(fix.observed_m) for fix in fixes])
         sigma_m = np.sqrt([_variance_along(self._line.forward, fix.covariance_m2) for fix in fixes])
-        degree = 2 if len(fixes) >= 6 else 1
+        degree = 2 if len(fixes) >= 5 else 1
         bracket_s = (after.t_ns - t0) * 1e-9
         middle_s = bracket_s / 2
         design = np.vander(t - middle_s, degree + 1, increasing=True) / sigma_m[:, None]

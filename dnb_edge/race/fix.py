@@ -20,11 +20,11 @@ class Fix:
     t_s: float
     target_id: int
     observed_m: PointM
-    """The observation's ground point, track m: errors of neighbouring frames are independent, so crossings use it."""
+    """The observation's ground point, track m: errors of neighbouring frames are independent, so crossings and paths use it."""
     covariance_m2: tuple[float, float, float]
     """Covariance of `observed_m`, (xx, xy, yy), m^2."""
     track_m: PointM
-    """The filtered position, track m: smoother, so paths and lanes use it."""
+    """The filtered position, track m: smoother, so progress and lanes use it."""
     s_m: float
     d_m: float
     outside_m: float

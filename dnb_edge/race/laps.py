@@ -78,7 +78,8 @@ class DrivenLap:
 
     lap: Lap
     path_m: tuple[PointM, ...]
-    """Filtered positions from crossing to crossing, track m, both crossings included."""
+    """Observed ground points from crossing to crossing, track m, both crossings included. Not the filtered ones: those
+    lag behind in bends, by more than the observations scatter."""
 
 
 class LapMachine:
@@ -161,7 +162,7 @@ class LapMachine:
             similarity_percent=None,
             observed_fraction=len(fixes) / frames if frames else 0.0,
         )
-        path = (start.track_m, *(fix.track_m for fix in fixes), end.track_m)
+        path = (start.track_m, *(fix.observed_m for fix in fixes), end.track_m)
         return DrivenLap(lap=lap, path_m=path)
 
     def _reasons(self, start: Crossing, end: Crossing, fixes: Sequence[Fix]) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ symmetric1: every step costs one local distance); T. Eiter and H. Mannila, "Comp
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 from dnb_edge.values import Points
 
 Row: TypeAlias = NDArray[np.float64]
-Join: TypeAlias = Callable[[Row, Row, Row], object]
-"""Writes into its third argument how a cell follows from (its own distance, the best of its three predecessors)."""
+Join: TypeAlias = np.ufunc
+"""How a cell follows from its own distance and the best of its three predecessors: a sum for DTW, a maximum for Frechet."""
 
 
 def dtw_distance(path: Points, reference: Points, clamp: float | None = None) -> float:
@@ -63,7 +62,7 @@ def _anti_diagonals(path: Points, reference: Points, clamp: float | None, join: 
             np.minimum(c, clamp, out=c)
         np.minimum(last[low:high], last[low + 1 : high + 1], out=b)
         np.minimum(b, before_last[low:high], out=b)
-        join(c, b, current[low + 1 : high + 1])
+        join(c, b, out=current[low + 1 : high + 1])
         current[low] = np.inf
         if high < n:
             current[high + 1] = np.inf
