@@ -31,6 +31,8 @@ class KeypointPairs:
     names: tuple[str, ...]
     source: str = "keypoints"
     """The file or files that the pairs come from, for errors."""
+    image_size_px: tuple[int, int] | None = None
+    """Width and height of the picture on which the camera points were clicked; None where the file does not say."""
 
     def __post_init__(self) -> None:
         """Raises `InputError` for too few, unequal, repeated or collinear points, or numbers that are not finite."""
