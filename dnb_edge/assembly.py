@@ -1,0 +1,192 @@
+"""Turns a checked configuration and an opened source into the rooms of one run.
+
+The only place that knows both the configuration and the rooms: the daemon and every command that needs a track, a view or
+a core build them here, so that all of them build the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
+
+from dnb_edge import wire
+from dnb_edge.capture.recording import RecordingSource
+from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.source import FrameSource, open_source
+from dnb_edge.config.keypoints import load_yaml_pairs
+from dnb_edge.config.schema import Config, TrackConfig, ViewConfig
+from dnb_edge.core import CoreSetup
+from dnb_edge.detect.centre import CentreDetector
+from dnb_edge.detect.onnx import default_model_path, load_model
+from dnb_edge.detect.protocol import Detector
+from dnb_edge.errors import InputError
+from dnb_edge.motion.follow import MotionSettings
+from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.race.laps import LapRules
+from dnb_edge.record.channels import TrackScene
+from dnb_edge.record.header import RunHeader, software_versions
+from dnb_edge.record.reader import iter_frames, read_run
+from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.track.build import TrackSettings, build_track
+from dnb_edge.track.model import Track
+from dnb_edge.track.scale import TwinScale
+from dnb_edge.track.twin import LaneColour, load_twin
+from dnb_edge.values import Clock, SourceInfo
+from dnb_edge.view.gate import ErrorLimit, check
+from dnb_edge.view.homography import CalibrationError, calibration_error, fit_ground_map
+from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assembly:
+    """What a configuration means for one source."""
+
+    setup: CoreSetup
+    calibration: CalibrationError
+
+
+def assemble(config: Config, info: SourceInfo) -> Assembly:
+    """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
+    track = make_track(config.track)
+    pairs = load_pairs(config.view)
+    width_px, height_px = config.view.image_size_px or (info.width_px, info.height_px)
+    ground = fit_ground_map(pairs, track.scale, width_px=width_px, height_px=height_px)
+    error = calibration_error(pairs, metres_per_px=track.scale.metres_per_px)
+    limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
+    setup = CoreSetup(
+        track=track,
+        ground=ground.scaled_to(info.width_px, info.height_px),
+        motion=settings_of(MotionSettings, config.motion),
+        crossing=settings_of(CrossingSettings, config.crossing),
+        laps=settings_of(LapRules, config.race),
+        score=settings_of(ScoreSettings, config.score),
+        not_scored_because=check(error, limit),
+    )
+    return Assembly(setup=setup, calibration=error)
+
+
+def settings_of(kind: Callable[..., T], section: BaseModel) -> T:
+    """The core's settings from their checked section. Raises `InputError` where the values contradict one another."""
+    try:
+        return kind(**{name: getattr(section, name) for name in type(section).model_fields})
+    except ValueError as error:
+        raise InputError(f"configuration: {error}") from error
+
+
+def make_track(config: TrackConfig) -> Track:
+    """The track that the configuration describes. Raises `InputError` naming the twin's file."""
+    image = load_twin(config.image)
+    if config.metres_per_px is not None:
+        metres_per_px = config.metres_per_px
+    else:
+        measured = config.measured
+        assert measured is not None, "the schema wants one of the two"
+        metres_per_px = TwinScale.from_measured_length(
+            from_px=measured.from_px, to_px=measured.to_px, length_m=measured.length_m, height_px=float(image.shape[0])
+        ).metres_per_px
+    hue_deg, saturation_percent, value_percent = config.lane_hsv
+    settings = TrackSettings(
+        name=config.name,
+        lane_colour=LaneColour(hue_deg=hue_deg, saturation_percent=saturation_percent, value_percent=value_percent),
+        metres_per_px=metres_per_px,
+        start_line_px=config.start_line_px,
+        waypoints_px=config.waypoints_px,
+    )
+    return build_track(image, settings, source=str(config.image))
+
+
+def load_pairs(config: ViewConfig) -> KeypointPairs:
+    """The keypoint pairs that the configuration names."""
+    if config.keypoints is not None:
+        return load_yaml_pairs(config.keypoints)
+    camera, twin = config.keypoints_camera, config.keypoints_twin
+    assert camera is not None, "the schema wants both files"
+    assert twin is not None, "the schema wants both files"
+    return load_npy_pairs(camera, twin)
+
+
+def make_detector(config: Config) -> Detector:
+    """The detector that the configuration names, ready to look. Raises `InputError` for a model that cannot be used."""
+    path = config.detector.model if config.detector.model is not None else default_model_path()
+    return CentreDetector(load_model(path, threads=config.detector.threads))
+
+
+def make_source(uri: str, config: Config | None) -> FrameSource:
+    """The source at `uri`, open; a camera is asked for what the configuration says."""
+    settings = None
+    if config is not None:
+        capture = config.capture
+        settings = CaptureSettings(width_px=capture.width_px, height_px=capture.height_px, fps=capture.fps)
+    return open_source(uri, settings, open_recording=open_recording)
+
+
+def open_recording(uri: str, path: Path) -> FrameSource:
+    """The pictures of the recording at `path` as a source. Raises `InputError` where it holds none."""
+    run = read_run(path)
+    first = next(iter(iter_frames(path)), None)
+    if first is None:
+        raise InputError(f"{path}: this recording holds no pictures: score it with `dnb-edge score {path}`")
+    recorded = run.header.source
+    info = SourceInfo(
+        uri=uri,
+        width_px=first.width_px,
+        height_px=first.height_px,
+        nominal_fps=recorded.nominal_fps,
+        clock=recorded.clock,
+        live=False,
+        camera_id=recorded.camera_id,
+    )
+    return RecordingSource(uri, info, iter_frames(path))
+
+
+def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHeader:
+    """What the recording says about itself: all that is needed to score it again, and where it came from."""
+    monotonic = info.clock is Clock.MONOTONIC
+    return RunHeader(
+        name=config.name,
+        setup={
+            "core": assembly.setup.to_dict(),
+            "calibration": wire.to_dict(assembly.calibration),
+            "sha256": {path.name: _sha256(path) for path in _inputs(config)},
+        },
+        config=plain_config(config),
+        source=info,
+        versions=software_versions(),
+        wall_offset_ns=time.time_ns() - time.monotonic_ns() if monotonic else None,
+    )
+
+
+def _inputs(config: Config) -> list[Path]:
+    """The files that decide what the run measures."""
+    view = config.view
+    model = config.detector.model if config.detector.model is not None else default_model_path()
+    paths = (config.track.image, view.keypoints, view.keypoints_camera, view.keypoints_twin, model)
+    return [path for path in paths if path is not None]
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def plain_config(config: Config) -> dict[str, Any]:
+    """The configuration in force as plain JSON types."""
+    plain: dict[str, Any] = json.loads(config.model_dump_json())
+    return plain
+
+
+def make_scene(setup: CoreSetup) -> TrackScene:
+    """The track as the recording's 3D view shows it."""
+    track = setup.track
+    return TrackScene(
+        route_m=track.centreline.points_m,
+        lines_m={line.name: (line.start_m, line.end_m) for line in (track.start_line, *track.sector_lines)},
+    )

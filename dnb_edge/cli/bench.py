@@ -1,0 +1,189 @@
+"""`dnb-edge bench`: the speed of every stage on this machine, one thread, as medians with the 99th percentile beside them."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from dnb_edge.assembly import assemble, make_detector
+from dnb_edge.capture.decode import decode_bgr
+from dnb_edge.capture.simulated import SimulatedSource, SimulatorOptions
+from dnb_edge.cli.demo import write_demo_config
+from dnb_edge.config.load import load_config
+from dnb_edge.config.schema import Config
+from dnb_edge.core import Core
+from dnb_edge.score.distance import dtw_distance
+from dnb_edge.sim.rig import Rig
+from dnb_edge.values import Frame, Points, SearchWindow
+
+FRAME_BYTES = 150_000
+"""Size of the JPEG that a 1280x720 webcam sends, about."""
+
+WARM_UP = 30
+"""Frames before the clock starts: the car has to be found first."""
+
+
+def bench(
+    frames: Annotated[int, typer.Option(min=100, help="Frames to time.")] = 300,
+    dtw_points: Annotated[int, typer.Option(min=10, help="Points of both paths in the DTW comparison.")] = 2000,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout instead of a table.")] = False,
+) -> None:
+    """Time every stage on rendered frames: JPEG decoding, detector, core, and all of it end to end; and DTW.
+
+    Machines differ and are shared: compare the ratios, which come from one run.
+    """
+    cv2.setNumThreads(1)
+    console = Console(stderr=True)
+    with TemporaryDirectory() as scratch:
+        rig = Rig(seed=1, laps=3)
+        config = load_config(write_demo_config(Path(scratch), rig))
+        jpegs = _jpegs(rig, frames + WARM_UP, console)
+        result = _pipeline(config, jpegs, console)
+    result |= _dtw(dtw_points, console)
+    if as_json:
+        typer.echo(json.dumps(result))
+        return
+    for name, value in result.items():
+        typer.echo(f"{name:28} {value:12.4g}" if isinstance(value, float) else f"{name:28} {value:>12}")
+
+
+def _jpegs(rig: Rig, count: int, console: Console) -> list[Frame]:
+    """Frames of the rig as JPEGs of about the size that a camera sends."""
+    quality = _quality(rig)
+    frames = []
+    for i in track(range(min(count, rig.frames)), "Rendering", console=console, transient=True):
+        frame = rig.frame(i)
+        assert frame.bgr is not None
+        encoded, jpeg = cv2.imencode(".jpg", frame.bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        assert encoded
+        frames.append(
+            Frame(
+                sequence=frame.sequence,
+                t_ns=frame.t_ns,
+                stamp_source=frame.stamp_source,
+                width_px=frame.width_px,
+                height_px=frame.height_px,
+                jpeg=jpeg.tobytes(),
+            )
+        )
+    return frames
+
+
+def _quality(rig: Rig) -> int:
+    image = rig.frame(0).bgr
+    assert image is not None
+
+    def size(quality: int) -> int:
+        return len(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+
+    return min(range(50, 99, 2), key=lambda quality: abs(size(quality) - FRAME_BYTES))
+
+
+def _pipeline(config: Config, frames: list[Frame], console: Console) -> dict[str, Any]:
+    """Times of each stage and of the whole way, frame by frame in turn, so that the machine's moods hit all alike."""
+    info = SimulatedSource("sim:", SimulatorOptions()).info
+    detector, looker = make_detector(config), make_detector(config)
+    core = Core(assemble(config, info).setup)
+    times: dict[str, list[float]] = {name: [] for name in ("decode", "window", "full_frame", "core", "end_to_end")}
+    following = 0
+    for i, frame in enumerate(track(frames, "Timing", console=console, transient=True)):
+        decode_ms, image = _timed(lambda frame=frame: decode_bgr(frame))  # type: ignore[misc]
+        assert image is not None
+        full_ms, _ = _timed(
+            lambda image=image, i=i: looker.detect(image, sequence=i, t_ns=frames[i].t_ns, windows=())  # type: ignore[misc]
+        )
+        began = time.perf_counter()
+        decoded = decode_bgr(frame)
+        assert decoded is not None
+        windows: tuple[SearchWindow, ...] = core.windows(frame.t_ns)
+        before = time.perf_counter()
+        found = detector.detect(decoded, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
+        after = time.perf_counter()
+        core.step(found)
+        ended = time.perf_counter()
+        if i < WARM_UP:
+            continue
+        following += bool(windows)
+        samples = {
+            "decode": decode_ms,
+            "window": (after - before) * 1e3,
+            "full_frame": full_ms,
+            "core": (ended - after) * 1e3,
+            "end_to_end": (ended - began) * 1e3,
+        }
+        for name, value in samples.items():
+            times[name].append(value)
+    result: dict[str, Any] = {
+        "frame_bytes": round(float(np.mean([len(frame.jpeg or b"") for frame in frames]))),
+        "timed_frames": len(times["decode"]),
+        "following_frames": following,
+    }
+    for name, samples_ms in times.items():
+        result[f"{name}_ms"] = float(np.median(samples_ms))
+        result[f"{name}_p99_ms"] = float(np.percentile(samples_ms, 99))
+    result["end_to_end_to_decode"] = result["end_to_end_ms"] / result["decode_ms"]
+    return result
+
+
+def _dtw(count: int, console: Console) -> dict[str, Any]:
+    """Our DTW against the plain double loop over the same formula, once over NumPy arrays and once over lists."""
+    turn = np.linspace(0.0, 2 * math.pi, count)
+    wobble = np.random.default_rng(1).normal(0.0, 0.01, (count, 2))
+    route: Points = np.column_stack([np.cos(turn), np.sin(turn)])
+    path = route * 1.02 + wobble
+    console.print("Timing DTW against plain loops ...", highlight=False)
+    fast_ms = [_timed(lambda: dtw_distance(path, route, 0.5)) for _ in range(7)]
+    arrays_ms, by_arrays = _timed(lambda: dtw_loop_over_arrays(path, route, 0.5))
+    lists_ms, by_lists = _timed(lambda: dtw_loop_over_lists(path, route, 0.5))
+    median_ms = float(np.median([ms for ms, _ in fast_ms]))
+    return {
+        "dtw_points": count,
+        "dtw_ms": median_ms,
+        "dtw_array_loop_ms": arrays_ms,
+        "dtw_list_loop_ms": lists_ms,
+        "dtw_faster_than_array_loop": arrays_ms / median_ms,
+        "dtw_faster_than_list_loop": lists_ms / median_ms,
+        "dtw_largest_difference": max(abs(fast_ms[0][1] - by_arrays), abs(fast_ms[0][1] - by_lists)),
+    }
+
+
+def dtw_loop_over_arrays(path: Points, reference: Points, clamp: float) -> float:
+    """DTW by the plain double loop over NumPy arrays, as benchmarks of driving usually have it; the yardstick."""
+    n, m = len(path), len(reference)
+    table = np.full((n + 1, m + 1), np.inf)
+    table[0, 0] = 0.0
+    for i in range(n):
+        for j in range(m):
+            cost = min(np.linalg.norm(path[i] - reference[j]), clamp)
+            table[i + 1, j + 1] = cost + min(table[i, j + 1], table[i + 1, j], table[i, j])
+    return float(table[n, m])
+
+
+def dtw_loop_over_lists(path: Points, reference: Points, clamp: float) -> float:
+    """DTW by the plain double loop over Python's own floats: the fastest that the loop can be without NumPy."""
+    xs, ys = path.tolist(), reference.tolist()
+    above = [0.0] + [math.inf] * len(ys)
+    for x, y in xs:
+        row = [math.inf]
+        for j, (u, v) in enumerate(ys):
+            row.append(min(math.hypot(x - u, y - v), clamp) + min(above[j + 1], row[j], above[j]))
+        above = row
+    return above[-1]
+
+
+def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """(milliseconds, result) of one call."""
+    began = time.perf_counter()
+    result = work()
+    return (time.perf_counter() - began) * 1e3, result

@@ -1,0 +1,92 @@
+"""`dnb-edge demo`: a simulated race, live in the terminal, recorded and reported; no camera and no configuration needed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+
+from dnb_edge.cli.results import make_report
+from dnb_edge.cli.run import say_summary
+from dnb_edge.config.load import load_config
+from dnb_edge.daemon.appliance import RunOptions, run_appliance
+from dnb_edge.daemon.sinks import JsonSink
+from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
+from dnb_edge.errors import WorkError
+from dnb_edge.sim.files import DemoFiles, demo_files
+from dnb_edge.sim.rig import Rig
+
+CONFIG_NAME = "demo.yaml"
+
+
+def demo(
+    directory: Annotated[Path, typer.Option("--out", help="Directory for everything that the demo writes.")] = Path(
+        "runs/demo"
+    ),
+    laps: Annotated[int, typer.Option(min=1, max=50, help="Complete laps to drive.")] = 3,
+    seed: Annotated[int, typer.Option(help="Another seed, another drive.")] = 1,
+    fast: Annotated[bool, typer.Option("--fast", help="As fast as this machine can, instead of in real time.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object a line on stdout instead of the board.")
+    ] = False,
+) -> None:
+    """Race a simulated car on our own track: live board, recording and report, with nothing to set up.
+
+    It writes a twin, keypoints and a configuration first, as a user would: look at them to see what your own track needs.
+    """
+    console = BoardConsole(stderr=as_json)
+    console.print("Drawing the track and setting up the simulated camera ...", highlight=False)
+    config_file = write_demo_config(directory, Rig(seed=seed, laps=laps))
+    config = load_config(config_file, [f"race.laps={laps}"])
+    uri = f"sim:?laps={laps}&seed={seed}" + ("" if fast else "&pace=1")
+    options = RunOptions(source_uri=uri, record_directory=directory)
+    if as_json:
+        summary = run_appliance(config, options, listeners=[JsonSink(sys.stdout, observations=False)])
+    else:
+        with TerminalDisplay(console) as board:
+            summary = run_appliance(config, options, displays=[board])
+    say_summary(console, summary)
+    if summary.recording is not None and summary.laps:
+        report = make_report(Path(summary.recording), directory)
+        console.print(f"Report:    {report}", highlight=False, soft_wrap=True)
+    console.print(f"Your own track needs a file like {config_file}", highlight=False, soft_wrap=True)
+
+
+def write_demo_config(directory: Path, rig: Rig) -> Path:
+    """Writes the demo's twin, keypoints and configuration into `directory`; returns the configuration's path."""
+    files = demo_files(directory, rig)
+    path = directory / CONFIG_NAME
+    text = "# Written by `dnb-edge demo`: what a configuration of your own track looks like.\n"
+    text += yaml.safe_dump(_config(files), sort_keys=False)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise WorkError(f"{path}: cannot write the demo's configuration ({error.strerror})") from error
+    return path
+
+
+def _config(files: DemoFiles) -> dict[str, Any]:
+    return {
+        "name": "simulated car",
+        "track": {
+            "name": "demo track",
+            "image": files.twin.name,
+            "lane_hsv": list(files.lane_hsv),
+            "measured": {
+                "from_px": list(files.measured_from_px),
+                "to_px": list(files.measured_to_px),
+                "length_m": files.measured_length_m,
+            },
+            "start_line_px": [list(point) for point in files.start_line_px],
+        },
+        "view": {
+            "keypoints_camera": files.camera_keypoints.name,
+            "keypoints_twin": files.twin_keypoints.name,
+            "image_size_px": list(files.keypoints_image_size_px),
+            "max_mean_error_m": 0.02,
+        },
+        "score": {"metric": "dtw", "clamp_m": 0.5, "baseline_m": 0.5},
+    }

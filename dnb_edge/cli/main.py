@@ -1,0 +1,81 @@
+"""The command `dnb-edge`: its verbs, and what an error means to the shell.
+
+Exit codes, on which scripts may rely: 0 done, 1 the work failed, 2 the input or the configuration is wrong. Every error
+that we foresee is one line on stderr.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Annotated
+
+import click
+import typer
+
+from dnb_edge import __version__
+from dnb_edge.cli import bench, calibrate, config, demo, results, run, runs, track
+from dnb_edge.errors import DnbEdgeError, InputError
+
+app = typer.Typer(
+    help="Times and scores small self-driving cars from one overhead camera. Start with `dnb-edge demo`.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.command("demo")(demo.demo)
+app.command("run")(run.run)
+app.command("score")(results.score)
+app.command("table")(results.table)
+app.command("report")(results.report)
+app.command("bench")(bench.bench)
+app.add_typer(track.app, name="track")
+app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(runs.app, name="runs")
+app.add_typer(config.app, name="config")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"dnb-edge {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Times and scores small self-driving cars from one overhead camera. Start with `dnb-edge demo`."""
+
+
+def main() -> None:
+    """Entry point of the command: runs the verb and exits with its code."""
+    logging.basicConfig(level=logging.WARNING, format="dnb-edge: %(message)s", stream=sys.stderr)
+    sys.exit(_code())
+
+
+def _code() -> int:
+    try:
+        result = app(standalone_mode=False)
+    except DnbEdgeError as error:
+        _say(str(error))
+        return 2 if isinstance(error, InputError) else 1
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        _say("interrupted")
+        return 1
+    except BrokenPipeError:
+        # Whoever read our output has gone; keep Python from complaining about it once more at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return result if isinstance(result, int) else 0
+
+
+def _say(text: str) -> None:
+    """One line on stderr, whatever the error's text holds."""
+    sys.stderr.write("dnb-edge: " + " ".join(text.split()) + "\n")

@@ -1,0 +1,108 @@
+"""`dnb-edge score`, `table` and `report`: what finished recordings say, computed again from their detections."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from dnb_edge.cli.replayed import replay
+from dnb_edge.daemon.sinks import JsonSink
+from dnb_edge.display.picture import lap_line
+from dnb_edge.errors import InputError
+from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.report.html import write_report
+from dnb_edge.report.run import RunResult
+from dnb_edge.report.table import as_csv, as_json_lines, as_text, entry_rows
+from dnb_edge.values import Lap, RunSummary
+
+Runs = Annotated[list[Path], typer.Argument(help="Recordings (.mcap), or directories of them.", metavar="RUN...")]
+
+
+class TableFormat(StrEnum):
+    """How a table is printed."""
+
+    TEXT = "text"
+    CSV = "csv"
+    JSON = "json"
+
+
+def score(
+    runs: Runs,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object a line, as `run --json` prints them.")
+    ] = False,
+    observations: Annotated[
+        bool, typer.Option("--observations", help="With --json: one line a frame as well.")
+    ] = False,
+) -> None:
+    """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run."""
+    console = Console()
+    for path in _files(runs):
+        replayed = replay(path)
+        sink = JsonSink(sys.stdout, observations=observations)
+        if not as_json:
+            console.print(f"{path}  ({replayed.header.name})", highlight=False, soft_wrap=True)
+        for event in replayed.events:
+            if as_json:
+                sink.event(event)
+            elif isinstance(event, Lap):
+                console.print(f"  {lap_line(event)}", highlight=False, soft_wrap=True)
+            elif isinstance(event, RunSummary):
+                console.print(f"  {event.laps} laps in {event.frames} frames", highlight=False)
+        for warning in replayed.warnings:
+            Console(stderr=True).print(f"  {warning}", highlight=False, soft_wrap=True)
+
+
+def table(
+    runs: Runs,
+    *,
+    form: Annotated[TableFormat, typer.Option("--format", help="How to print it.")] = TableFormat.TEXT,
+    as_json: Annotated[bool, typer.Option("--json", help="Short for --format json.")] = False,
+) -> None:
+    """Print the paper's Table I for any set of runs: entry, path similarity, completion time."""
+    rows = entry_rows(_results(runs))
+    write = {TableFormat.TEXT: as_text, TableFormat.CSV: as_csv, TableFormat.JSON: as_json_lines}
+    typer.echo(write[TableFormat.JSON if as_json else form](rows).rstrip("\n"))
+
+
+def report(
+    run: Annotated[Path, typer.Argument(help="A recording (.mcap).")],
+    out: Annotated[Path | None, typer.Option(help="Directory for the report. Default: beside the recording.")] = None,
+) -> None:
+    """Write a report with pictures of one run: one HTML file that needs nothing else."""
+    typer.echo(f"Report: {make_report(run, out)}")
+
+
+def make_report(run: Path, out: Path | None) -> Path:
+    """Writes the report of the recording `run` into `out`, by default beside it; returns the report's path."""
+    return write_report(replay(run).result(), out if out is not None else run.parent)
+
+
+def _results(runs: list[Path]) -> list[RunResult]:
+    files = _files(runs)
+    console = Console(stderr=True)
+    shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
+    return [replay(path).result() for path in shown]
+
+
+def _files(runs: list[Path]) -> list[Path]:
+    """The recordings that `runs` names, those in directories sorted by name. Raises `InputError` where there are none."""
+    files: list[Path] = []
+    for run in runs:
+        if not run.is_dir():
+            files.append(run)
+            continue
+        found = sorted(run.glob("*.mcap"))
+        if not found:
+            parts = len(list(run.glob(f"*{PART_SUFFIX}")))
+            hint = f"; {parts} unfinished ones: run `dnb-edge runs recover {run}`" if parts else ""
+            raise InputError(f"{run}: no recordings (.mcap) in this directory{hint}")
+        files += found
+    return files

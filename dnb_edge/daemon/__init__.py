@@ -1,0 +1,1 @@
+"""The running appliance: threads, queues, health and the watchdog round the pure core."""

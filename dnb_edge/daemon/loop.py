@@ -1,0 +1,118 @@
+"""The race loop: takes frames, asks the detector, steps the core, tells the listeners.
+
+Knows the order of things and when a run ends. Threads are the feed's, the recorder's and the displays'; this is one plain
+loop in the caller's thread.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dnb_edge.capture.decode import decode_bgr
+from dnb_edge.core import Core
+from dnb_edge.daemon.feed import FrameFeed
+from dnb_edge.daemon.meter import Meter
+from dnb_edge.daemon.sinks import Sink
+from dnb_edge.detect.protocol import Detector
+from dnb_edge.display.base import Display, DisplayStatus
+from dnb_edge.display.service import ServiceNotifier
+from dnb_edge.record.writer import Recorder
+from dnb_edge.values import Clock, Event, Frame, Lap, Observation, RunSummary, SourceInfo
+
+TICK_S = 0.25
+"""Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, kw_only=True)
+class Race:
+    """One run, from the first frame to the last event."""
+
+    info: SourceInfo
+    feed: FrameFeed
+    detector: Detector
+    core: Core
+    meter: Meter
+    sinks: Sequence[Sink]
+    displays: Sequence[Display]
+    notifier: ServiceNotifier
+    recorder: Recorder | None
+    stop: threading.Event
+    laps: int = 0
+    _last_t_ns: int | None = None
+    _known_warnings: tuple[str, ...] = ()
+
+    def run(self) -> RunSummary:
+        """Races until the source ends, the wanted laps are complete or `stop` is set; returns the summary so far.
+
+        The summary has no recording yet: that is known when the caller has closed it.
+        """
+        while not self.stop.is_set() and not self.core.finished and not self.feed.ended:
+            frame = self.feed.take(TICK_S)
+            if frame is not None:
+                self._race(frame)
+            elif self.feed.fault is not None:
+                self._warn((self.feed.fault,))
+            self.notifier.feed(progressed=frame is not None or self.feed.fault is not None)
+        for event in self.core.finish():
+            self._tell(event)
+        self._tell(self._health())
+        return RunSummary(
+            frames=self.meter.frames, detected_frames=self.meter.detected_frames, laps=self.laps, recording=None
+        )
+
+    def _race(self, frame: Frame) -> None:
+        if self._last_t_ns is not None and frame.t_ns <= self._last_t_ns:
+            log.warning("frame %d: its stamp is not later than the one before: left out", frame.sequence)
+            return
+        image = decode_bgr(frame)
+        if image is None:
+            self.meter.unreadable_frames += 1
+            return
+        if self._last_t_ns is None:
+            self.notifier.ready()
+        self._last_t_ns = frame.t_ns
+        self.meter.frame(frame)
+        windows = self.core.windows(frame.t_ns)
+        found = self.detector.detect(image, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
+        for sink in self.sinks:
+            sink.frame(frame, found)
+        events = self.core.step(found)
+        self.meter.observed([event for event in events if isinstance(event, Observation)])
+        if self.info.live and self.info.clock is Clock.MONOTONIC:
+            self.meter.latency((time.monotonic_ns() - frame.t_ns) * 1e-6)
+        for event in events:
+            self._tell(event)
+        if self.meter.due:
+            self._tell(self._health())
+
+    def _tell(self, event: Event) -> None:
+        self.laps += isinstance(event, Lap)
+        for sink in self.sinks:
+            sink.event(event)
+
+    def _health(self) -> Event:
+        warnings = tuple(warning for sink in self.sinks for warning in sink.warnings)
+        self._warn(warnings)
+        return self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings)
+
+    def _warn(self, warnings: tuple[str, ...]) -> None:
+        """Says each warning once, when it appears."""
+        for warning in warnings:
+            if warning not in self._known_warnings:
+                log.warning("%s", warning)
+        self._known_warnings = warnings
+
+    def _display(self) -> str:
+        statuses = {display.status for display in self.displays}
+        if not statuses:
+            return "none"
+        return "offline" if DisplayStatus.OFFLINE in statuses else "online"
+
+    def _recording(self) -> str:
+        return "none" if self.recorder is None else self.recorder.state
