@@ -1,0 +1,54 @@
+"""What a camera does to a clean picture: exposure, white balance, gloss, vignette, blur, noise, sharpening, JPEG.
+
+Knows pixels only. Every effect draws its strength from the generator it is handed.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dnb_edge.train.render import to_picture
+from dnb_edge.values import BgrImage
+
+Rng = np.random.Generator
+Picture = NDArray[np.float32]
+
+
+def uneven_light(size_px: int, rng: Rng) -> Picture:
+    """A slow gain over the picture, (size, size, 1): lamps, windows, gloss on the floor."""
+    coarse = np.exp(rng.normal(0.0, float(rng.uniform(0.02, 0.22)), (4, 4))).astype(np.float32)
+    gain = cv2.resize(coarse, (size_px, size_px), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(gain[:, :, None], dtype=np.float32)
+
+
+class Camera:
+    """One camera with settings drawn once, so that two pictures of the same scene are alike."""
+
+    def __init__(self, rng: Rng) -> None:
+        self._gain = np.exp(rng.normal(0.0, 0.06, 3)) * float(np.exp(rng.normal(0.0, 0.25)))
+        self._gamma = float(np.exp(rng.normal(0.0, 0.15)))
+        self._lift = float(rng.uniform(0, 22)) if rng.random() < 0.4 else 0.0
+        self._blur = float(rng.uniform(0.3, 1.3)) if rng.random() < 0.6 else 0.0
+        self._sharpen = float(rng.uniform(0.3, 1.2)) if rng.random() < 0.3 else 0.0
+        self._noise = float(rng.uniform(0.5, 3.0)) if rng.random() < 0.75 else float(rng.uniform(3.0, 9.0))
+        self._quality = int(rng.integers(35, 96))
+
+    def develop(self, picture: Picture, rng: Rng, *, noise: float = 1.0) -> BgrImage:
+        """The picture as this camera delivers it; `noise` scales its noise (a mean of many frames has little)."""
+        levels = np.arange(1024, dtype=np.float32) / 1023.0
+        out = np.clip(picture * self._gain.astype(np.float32), 0.0, 255.0)
+        curve = (levels**self._gamma * (255.0 - self._lift) + self._lift).astype(np.float32)
+        out = curve[(out * np.float32(1023.0 / 255.0)).astype(np.int32)]
+        if self._blur > 0.0:
+            out = np.asarray(cv2.GaussianBlur(out, (0, 0), self._blur), dtype=np.float32)
+        if self._sharpen > 0.0:
+            out = out + np.float32(self._sharpen) * (out - cv2.GaussianBlur(out, (0, 0), 1.2))
+        height, width = out.shape[:2]
+        if self._noise * noise > 0.1:
+            grain = np.empty((height, width, 3), dtype=np.float32)
+            rng.standard_normal(out=grain, dtype=np.float32)
+            out = out + grain * np.float32(self._noise * noise)
+        _, encoded = cv2.imencode(".jpg", to_picture(out), [cv2.IMWRITE_JPEG_QUALITY, self._quality])
+        return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR), dtype=np.uint8)

@@ -1,0 +1,165 @@
+"""The training loop: batches from shards on disk, a focal loss on the heat, a running mean of the weights.
+
+Knows the loss and the schedule. Deterministic for a seed on one machine and one thread: which shards may be drawn depends on
+the iteration, never on how far their making has come.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dnb_edge.errors import WorkError
+from dnb_edge.train.batches import Batch, make_batch
+from dnb_edge.train.network import CentreNet, to_input
+from dnb_edge.train.shards import SHARD_SAMPLES, shard_paths
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schedule:
+    """How long and how fast to learn."""
+
+    iterations: int
+    batch: int = 32
+    peak_rate: float = 2e-3
+    warm_up: int = 200
+    shards: int = 240
+    first_shards: int = 16
+    """Shards in use from the start; one more is added every `iterations_per_shard`."""
+    iterations_per_shard: int = 14
+    ema: float = 0.999
+
+
+class ShardReader:
+    """Draws samples from the shards that the schedule allows, waiting for one that is not there yet."""
+
+    def __init__(self, folder: Path, jobs: Sequence[Future[int]] = ()) -> None:
+        self._folder = folder
+        self._jobs = jobs
+        self._open: dict[int, tuple[NDArray[np.uint8], NDArray[np.float32]]] = {}
+
+    def _shard(self, number: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        if number not in self._open:
+            pictures, labels = shard_paths(self._folder, number)
+            if number < len(self._jobs):
+                self._jobs[number].result()  # waits for its maker, and raises what the maker raised
+            if not pictures.exists():
+                raise WorkError(f"{pictures}: no such shard; the making of samples was cut short")
+            self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels))
+        return self._open[number]
+
+    def batch(self, allowed: range, size: int, rng: np.random.Generator) -> Batch:
+        """A batch of windows from random samples of the `allowed` shards."""
+        pictures, labels = [], []
+        for _ in range(size):
+            shard = self._shard(int(rng.integers(allowed.start, allowed.stop)))
+            row = int(rng.integers(SHARD_SAMPLES))
+            pictures.append(np.asarray(shard[0][row]))
+            labels.append(shard[1][row])
+        return make_batch(pictures, labels, rng)
+
+
+def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
+    """Each part of the loss, for the outputs in OUTPUT_CHANNELS' order and the targets of `batches.targets_for`."""
+    heat, offset, size, heading, spread = outputs
+    wanted, votes, weight = targets[:, 0:1], targets[:, 1:2], targets[:, 8:9]
+    chance = torch.sigmoid(heat).clamp(1e-4, 1 - 1e-4)
+    positive = (wanted >= 0.999).to(heat.dtype) * weight
+    hit = positive * (1 - chance) ** 2 * torch.log(chance)
+    miss = (1 - positive) * weight * (1 - wanted) ** 4 * chance**2 * torch.log(1 - chance)
+    count = positive.sum().clamp(min=1.0)
+    share = votes / votes.sum().clamp(min=1.0)
+    error = (offset - targets[:, 2:4]).abs().sum(dim=1, keepdim=True)
+    squared = ((offset - targets[:, 2:4]) ** 2).sum(dim=1, keepdim=True).detach()
+    log_sigma = spread.clamp(-4.0, 2.0)
+    heading_share = targets[:, 7:8] / targets[:, 7:8].sum().clamp(min=1.0)
+    return {
+        "heat": -(hit.sum() + miss.sum()) / count,
+        "offset": (error * share).sum(),
+        "size": ((size - targets[:, 4:5]).abs() * share).sum(),
+        "heading": (((heading - targets[:, 5:7]) ** 2).sum(dim=1, keepdim=True) * heading_share).sum(),
+        "spread": ((squared * torch.exp(-2 * log_sigma) / 2 + 2 * log_sigma) * share).sum(),
+    }
+
+
+_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "heading": 0.15, "spread": 0.05}
+
+
+def _rate(schedule: Schedule, step: int) -> float:
+    if step < schedule.warm_up:
+        return schedule.peak_rate * (step + 1) / schedule.warm_up
+    done = (step - schedule.warm_up) / max(1, schedule.iterations - schedule.warm_up)
+    return schedule.peak_rate * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+
+
+def _update_mean(mean: CentreNet, network: CentreNet, keep: float) -> None:
+    with torch.no_grad():
+        for kept, new in zip(mean.state_dict().values(), network.state_dict().values(), strict=True):
+            if kept.dtype.is_floating_point:
+                kept.mul_(keep).add_(new, alpha=1 - keep)
+            else:
+                kept.copy_(new)
+
+
+def train(
+    folder: Path,
+    *,
+    seed: int,
+    schedule: Schedule,
+    report: Callable[[int, dict[str, float]], None],
+    checkpoint: Callable[[int, CentreNet], None] | None = None,
+    checkpoint_every: int = 1000,
+    jobs: Sequence[Future[int]] = (),
+) -> CentreNet:
+    """Learn from the shards in `folder`, which `jobs` make in order.
+
+    Returns the network with the running mean of its weights, in eval mode.
+    """
+    torch.manual_seed(seed)
+    rng = np.random.default_rng([seed, 2**31])
+    network = CentreNet()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    mean = copy.deepcopy(network)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=schedule.peak_rate, weight_decay=1e-4)
+    reader = ShardReader(folder, jobs)
+    seen: dict[str, float] = {}
+
+    def batch_for(step: int) -> Batch:
+        count = min(schedule.shards, schedule.first_shards + step // schedule.iterations_per_shard)
+        return reader.batch(range(count), schedule.batch, rng)
+
+    network.train()
+    with ThreadPoolExecutor(1) as ahead:
+        coming = ahead.submit(batch_for, 0)
+        for step in range(schedule.iterations):
+            batch = coming.result()
+            coming = ahead.submit(batch_for, step + 1)
+            for group in optimiser.param_groups:
+                group["lr"] = _rate(schedule, step)
+            inputs = to_input(torch.from_numpy(batch.inputs)).contiguous(memory_format=torch.channels_last)
+            with torch.autocast("cpu", torch.bfloat16):
+                outputs = network(inputs)
+            parts = losses(tuple(output.float() for output in outputs), torch.from_numpy(batch.targets))
+            total = torch.stack([_WEIGHTS[name] * part for name, part in parts.items()]).sum()
+            optimiser.zero_grad(set_to_none=True)
+            total.backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+            optimiser.step()
+            _update_mean(mean, network, min(schedule.ema, (step + 1) / (step + 10)))
+            for name, part in parts.items():
+                seen[name] = 0.98 * seen.get(name, float(part.detach())) + 0.02 * float(part.detach())
+            if (step + 1) % 50 == 0 or step + 1 == schedule.iterations:
+                report(step + 1, dict(seen))
+            if checkpoint is not None and (step + 1) % checkpoint_every == 0:
+                checkpoint(step + 1, mean)
+    mean.eval()
+    return mean

@@ -1,0 +1,104 @@
+"""Solids made of flat faces: boxes, prisms and cylinders, and how they move.
+
+Knows shapes and face colours; nothing of cameras, pictures or what the solids stand for. Metres, z up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Colour = tuple[float, float, float]
+"""Blue, green, red, each 0..255."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """One convex body."""
+
+    vertices_m: FloatArray
+    """Shape (n, 3)."""
+    faces: tuple[tuple[int, ...], ...]
+    """Vertex numbers of each convex face, counter-clockwise seen from outside."""
+    colour: Colour
+    face_colours: tuple[Colour, ...] | None = None
+    """One colour a face, where they differ."""
+
+
+_BOX_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+
+
+def box(
+    centre_m: tuple[float, float, float],
+    size_m: tuple[float, float, float],
+    colour: Colour,
+    *,
+    taper: tuple[float, float] = (1.0, 1.0),
+    shift_top_m: float = 0.0,
+) -> Solid:
+    """An upright box; its top face is scaled by `taper` in x and y and moved by `shift_top_m` along x."""
+    half = np.array(size_m) / 2.0
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=np.float64)
+    bottom = np.column_stack([corners * half[:2], np.full(4, -half[2])])
+    top = np.column_stack([corners * half[:2] * np.array(taper), np.full(4, half[2])])
+    top[:, 0] += shift_top_m
+    return Solid(vertices_m=np.vstack([bottom, top]) + np.array(centre_m), faces=_BOX_FACES, colour=colour)
+
+
+def prism(
+    centre_m: tuple[float, float, float],
+    radius_m: float,
+    height_m: float,
+    colour: Colour,
+    *,
+    sides: int = 10,
+    axis: str = "z",
+    top_scale: float = 1.0,
+    cap_colour: Colour | None = None,
+) -> Solid:
+    """A regular prism (a cylinder, nearly), its axis along x, y or z; `top_scale` makes it a cone's stump."""
+    angles = np.arange(sides) * (2 * math.pi / sides)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)]) * radius_m
+    half = height_m / 2.0
+    vertices = np.vstack(
+        [np.column_stack([ring, np.full(sides, -half)]), np.column_stack([ring * top_scale, np.full(sides, half)])]
+    )
+    order = {"z": (0, 1, 2), "x": (2, 0, 1), "y": (1, 2, 0)}[axis]
+    around = tuple((i, (i + 1) % sides, (i + 1) % sides + sides, i + sides) for i in range(sides))
+    caps = (tuple(range(sides - 1, -1, -1)), tuple(range(sides, 2 * sides)))
+    colours = None if cap_colour is None else (colour,) * sides + (cap_colour, cap_colour)
+    return Solid(
+        vertices_m=vertices[:, order] + np.array(centre_m), faces=around + caps, colour=colour, face_colours=colours
+    )
+
+
+def rod(start_m: FloatArray, end_m: FloatArray, radius_m: float, colour: Colour) -> Solid:
+    """A thin square bar between two points."""
+    along = end_m - start_m
+    length = float(np.linalg.norm(along))
+    along = along / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+    helper = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    side = np.cross(along, helper)
+    side = side / np.linalg.norm(side) * radius_m
+    up = np.cross(side, along)
+    ring = np.stack([-side - up, side - up, side + up, -side + up])
+    return Solid(vertices_m=np.vstack([start_m + ring, end_m + ring]), faces=_BOX_FACES, colour=colour)
+
+
+def turned(solid: Solid, yaw_rad: float, *, shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Solid:
+    """The solid turned about the z axis, then moved."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return replace(solid, vertices_m=solid.vertices_m @ rotation.T + np.array(shift_m))
+
+
+def pitched(solid: Solid, pitch_rad: float, *, about_m: tuple[float, float, float]) -> Solid:
+    """The solid turned about an axis along y through `about_m`."""
+    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+    rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    centre = np.array(about_m)
+    return replace(solid, vertices_m=(solid.vertices_m - centre) @ rotation.T + centre)
