@@ -48,7 +48,7 @@ def test_the_tracks_top_is_the_pictures_top(result: Callable[..., RunResult]) ->
 def test_the_twin_lies_under_the_path_in_register(result: Callable[..., RunResult]) -> None:
     """A mark at a twin px and a path through the same point on the track meet in the picture."""
     run = result(lap_times_s=(10.0,))
-    spot_m = np.array([[2.2, 1.2]])
+    spot_m = np.array([[1.7, 1.5]])
     u, v = run.track.scale.to_twin_px(spot_m)[0]
     twin = np.full((960, 1760, 3), 255, np.uint8)
     cv2.circle(twin, (round(u), round(v)), 40, (0, 0, 255), -1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from rich.cells import cell_len
 
 from dnb_edge.report.table import as_csv, as_json_lines, as_text, entry_rows, printable
 from dnb_edge.values import Lap
@@ -117,5 +118,6 @@ def test_text_stays_aligned_with_wide_and_hostile_names() -> None:
     rows = entry_rows([Attempt("東京", PAPER[0].laps), Attempt("\x1b[2Jx\ny", PAPER[0].laps)])
     lines = as_text(rows).splitlines()
     assert len(lines) == 4
-    assert lines[2].startswith("東京    ")
+    assert lines[2].startswith("東京     1 of 1")
+    assert len({cell_len(line) for line in lines}) == 1
     assert lines[3].startswith("?[2Jx y")
