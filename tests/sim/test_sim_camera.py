@@ -51,3 +51,10 @@ def test_points_behind_the_camera_are_refused():
     """There is no pixel for what lies behind."""
     with pytest.raises(ValueError, match="behind"):
         demo_camera().project(np.array([[1.5, -5.0, 3.0]]))
+
+
+def test_the_axes_stay_a_right_handed_frame():
+    """However the camera is turned, its three axes are at right angles and nothing is mirrored."""
+    turned = mast_camera(position_m=(0.0, 0.0, 2.0), pitch_deg=55.0, yaw_deg=20.0, roll_deg=-15.0).rotation
+    assert np.allclose(turned @ turned.T, np.eye(3))
+    assert np.linalg.det(turned) == pytest.approx(1.0)
