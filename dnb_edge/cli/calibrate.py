@@ -15,7 +15,8 @@ from rich.table import Table
 from dnb_edge.cli.output import write_whole
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.errors import InputError
-from dnb_edge.report.calibration import PictureFormat, error_by_count_picture
+from dnb_edge.report.calibration import error_by_count_picture
+from dnb_edge.report.picture import PictureFormat
 from dnb_edge.view.homography import CalibrationError, CountError, calibration_error, error_by_count
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
 

@@ -5,19 +5,15 @@ Knows matplotlib and the errors to draw. Knows no keypoints and no file.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
 
-import matplotlib
 import matplotlib.patheffects as effects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
+from dnb_edge.report.picture import PictureFormat, encoded
 from dnb_edge.view.homography import CountError
-
-PictureFormat: TypeAlias = Literal["png", "svg"]
 
 _SUM_COLOUR = "#1f4fa8"
 _MEAN_COLOUR = "#c0281c"
@@ -54,7 +50,7 @@ def error_by_count_picture(rows: Sequence[CountError], *, picture_format: Pictur
     handles = [axes.get_lines()[0] for axes in (left, right)]
     names = ["accumulated (left axis)", "mean (right axis)"]
     figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=11)
-    return _encoded(figure, picture_format)
+    return encoded(figure, picture_format)
 
 
 def _draw(axes: Axes, counts: list[int], errors: list[float], colour: str, marker: str, label: str) -> None:
@@ -83,12 +79,3 @@ def _make_logarithmic(axes: Axes, errors: list[float], *, below: float, above: f
     axes.set_yscale("log")
     axes.set_ylim(min(errors) / below, max(errors) * above)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}" if value >= 1 else f"{value:g}"))
-
-
-def _encoded(figure: Figure, picture_format: PictureFormat) -> bytes:
-    """The figure's file, the same bytes for the same figure: no date, no random identifiers."""
-    stream = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "dnb-edge"}):
-        metadata = {"Date": None} if picture_format == "svg" else None
-        figure.savefig(stream, format=picture_format, metadata=metadata)
-    return stream.getvalue()

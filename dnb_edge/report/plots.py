@@ -6,13 +6,10 @@ our own words, never a user's text. Knows no page and no file.
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, TypeAlias
 
-import matplotlib
 import matplotlib.patheffects as effects
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,11 +17,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from dnb_edge.report.picture import PictureFormat, encoded
 from dnb_edge.report.run import RunResult
 from dnb_edge.track.model import Track
 from dnb_edge.values import BgrImage, Lap, Points
-
-PictureFormat: TypeAlias = Literal["png", "svg"]
 
 LAP_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#8c3b80", "#56a0d3", "#b58900", "#222222")
 """Told apart with any kind of colour vision (after Okabe and Ito, darkened to show on white)."""
@@ -46,7 +42,8 @@ def path_picture(result: RunResult, *, picture_format: PictureFormat = "png") ->
     track = result.track
     edges_px = _lane_edges_px(track)
     paths_px = [track.scale.to_twin_px(path) for path in result.paths_m]
-    low, high = _frame_px([*edges_px, *paths_px])
+    start_px = track.scale.to_twin_px(np.array([track.start_line.start_m, track.start_line.end_m]))
+    low, high = _frame_px([*edges_px, *paths_px, start_px])
     width_px, height_px = high - low
     figure = Figure(figsize=_figure_size(width_px / height_px), dpi=_DPI, facecolor=_PAPER, layout="constrained")
     axes = figure.subplots()
@@ -72,7 +69,7 @@ def path_picture(result: RunResult, *, picture_format: PictureFormat = "png") ->
         figure.legend(
             handles[:shown], labels[:shown], loc="outside lower center", ncols=min(shown, 5), frameon=False, fontsize=10
         )
-    return _encoded(figure, picture_format)
+    return encoded(figure, picture_format)
 
 
 def lap_times_picture(result: RunResult, *, picture_format: PictureFormat = "png") -> bytes:
@@ -86,7 +83,7 @@ def lap_times_picture(result: RunResult, *, picture_format: PictureFormat = "png
     axes.set_xlabel("lap time (s), whiskers one sigma", color=_INK)
     if not laps:
         axes.text(0.5, 0.5, "no complete lap", transform=axes.transAxes, ha="center", color=_INK)
-        return _encoded(figure, picture_format)
+        return encoded(figure, picture_format)
     axes.set_ylim(len(laps) - 0.4, -0.6)
     axes.set_xlim(0, 1.35 * max(lap.time_s + lap.sigma_s for lap in laps))
     for i, lap in enumerate(laps):
@@ -104,18 +101,7 @@ def lap_times_picture(result: RunResult, *, picture_format: PictureFormat = "png
             fontsize=10,
             color=_INK,
         )
-    return _encoded(figure, picture_format)
-
-
-def _encoded(figure: Figure, picture_format: PictureFormat) -> bytes:
-    """The figure's file, the same bytes for the same figure: no date, no random identifiers."""
-    stream = io.BytesIO()
-    if picture_format == "svg":
-        with matplotlib.rc_context({"svg.hashsalt": "dnb-edge"}):
-            figure.savefig(stream, format="svg", metadata={"Date": None})
-    else:
-        figure.savefig(stream, format="png")
-    return stream.getvalue()
+    return encoded(figure, picture_format)
 
 
 def _figure_size(width_to_height: float) -> tuple[float, float]:
