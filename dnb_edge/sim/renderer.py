@@ -15,7 +15,7 @@ from dnb_edge.sim.car import car_mesh, posed
 from dnb_edge.sim.circuit import Circuit
 from dnb_edge.sim.driver import Pose
 from dnb_edge.sim.room import draw_room
-from dnb_edge.sim.solids import Mesh, draw_mesh, draw_shadow
+from dnb_edge.sim.solids import Mesh, draw_mesh, draw_shadow, thrown_on_floor
 from dnb_edge.values import BgrImage
 
 _SUPERSAMPLE = 3
@@ -85,7 +85,7 @@ class Renderer:
 
 def _rectangle(camera: PinholeCamera, body: Mesh) -> tuple[int, int, int, int] | None:
     """(left, top, right, bottom) px round the car and its shadow, inside the picture; None where it is outside."""
-    pixels = camera.project(body.corners_m)
+    pixels = camera.project(np.concatenate((body.corners_m, thrown_on_floor(body))))
     low = np.floor(pixels.min(axis=0)).astype(int) - _MARGIN_PX
     high = np.ceil(pixels.max(axis=0)).astype(int) + _MARGIN_PX + 1
     left, top = max(0, int(low[0])), max(0, int(low[1]))

@@ -162,12 +162,16 @@ def draw_mesh(
                 cv2.fillConvexPoly(canvas, polygon, colours[face], cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
+def thrown_on_floor(body: Mesh) -> NDArray[np.float64]:
+    """(n, 3) where the light throws each corner of `body` on the floor, world m."""
+    return np.asarray(body.corners_m - np.maximum(body.corners_m[:, 2:], 0.0) * (LIGHT / LIGHT[2]))
+
+
 def draw_shadow(
     canvas: NDArray[np.uint8], body: Mesh, camera: PinholeCamera, *, offset_px: tuple[float, float], scale: float
 ) -> None:
     """Fill with 255 what `body`'s shadow covers of the floor; `canvas` (h, w) lies as in `draw_mesh`."""
-    thrown = body.corners_m - np.maximum(body.corners_m[:, 2:], 0.0) * (LIGHT / LIGHT[2])
-    pixels = (camera.project(thrown) - np.asarray(offset_px) + 0.5) * scale - 0.5
+    pixels = (camera.project(thrown_on_floor(body)) - np.asarray(offset_px) + 0.5) * scale - 0.5
     fixed = np.rint(pixels * (1 << _SUBPIXEL_BITS)).astype(np.int32)
     corner_starts = body.starts[body.solid_starts]
     for start, end in itertools.pairwise(corner_starts):

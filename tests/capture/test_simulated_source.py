@@ -21,7 +21,7 @@ def test_a_drive_ends_by_itself_after_its_laps():
 
 
 def test_close_interrupts_the_pace():
-    """At a pace of one simulated second in eleven days the first frame comes at once, and `close` ends the wait for the next."""
+    """Paced at one simulated second in eleven days, the first frame comes at once, and `close` ends the wait for another."""
     source = open_source("sim:?laps=1&fps=1&pace=0.000001")
     taken = []
     first = threading.Event()

@@ -47,6 +47,15 @@ def test_the_car_is_where_the_truth_says(rig, index):
     assert v.min() <= at[1] <= v.max()
 
 
+@pytest.mark.parametrize("index", [60, 130, 200])
+def test_the_redrawn_rectangle_has_no_edge(rig, index):
+    """The shadow fades out before the rectangle that a frame redraws ends: its border is as in the empty room."""
+    changed = difference(rig, index)
+    v, u = np.nonzero(changed)
+    for edge in (changed[v.min()], changed[v.max()], changed[:, u.min()], changed[:, u.max()]):
+        assert edge.max() <= 3
+
+
 def test_ground_point_is_the_footprints_centre(rig):
     """The truth's camera px is the projection of its track m, and the heading in the picture points along the motion."""
     for index in range(0, rig.frames - 1, 25):
