@@ -120,7 +120,7 @@ class Core:
         events: list[Event] = []
         fixes: list[Fix] = []
         for target in self._follower.step(found.t_ns, observations, on_lane):
-            if target.state is TargetState.TENTATIVE:
+            if target.state is not TargetState.CONFIRMED and target.target_id not in known:
                 continue
             seen = self._seen(target, new=target.target_id not in known, t_ns=found.t_ns)
             events += seen

@@ -175,6 +175,20 @@ def test_frames_before_the_confirmation_are_told_afterwards_in_order() -> None:
     assert [o.t_ns for o in observations] == [found.t_ns for found in frames(steady, seconds=3)]
 
 
+def test_a_thing_that_is_lost_before_it_is_confirmed_is_never_told() -> None:
+    """What appears for three frames on the lane and goes again leaves no trace in the events."""
+    core = Core(circle_setup())
+    events: list[Event] = []
+    for found in frames(steady, seconds=16):
+        flicker = () if found.sequence % 40 > 2 else (detection(on_circle(found.sequence)),)
+        both = FrameDetections(
+            sequence=found.sequence, t_ns=found.t_ns, detections=(*found.detections, *flicker), full_frame=True
+        )
+        events += core.step(both)
+    stamps = [event.t_ns for event in events if isinstance(event, Observation)]
+    assert stamps == sorted(set(stamps))
+
+
 def test_a_setup_survives_json_bit_for_bit() -> None:
     """What a recording stores of the setup gives the same setup back."""
     setup = circle_setup(not_scored_because="x")
