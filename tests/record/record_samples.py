@@ -82,7 +82,7 @@ def lap(number: int, end_t_ns: int) -> Lap:
 
 def small_run(directory: Path, *, frames: int = 60, laps_every: int = 20, **changes) -> Path:
     """A finished recording of detections and targets, with a lap, and so a chunk, every `laps_every` frames."""
-    writer = recorder(directory, **({"image_fps": None} | changes))
+    writer = recorder(directory, **({"image_fps": None, "sync_period_s": 3600.0} | changes))
     for sequence in range(frames):
         t_ns = sequence * 33_000_000
         writer.add_frame(frame(sequence, t_ns))

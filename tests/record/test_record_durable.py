@@ -17,8 +17,22 @@ from dnb_edge.record.durable import DurableFile
 from dnb_edge.record.reader import iter_frames, read_run
 from dnb_edge.record.recover import Leftover, recover_directory, recover_file
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import FrameDetections, Lap
+from dnb_edge.values import FrameDetections, Lap, Score
 
+SCORE = Score(
+    lap=1,
+    metric="dtw",
+    similarity_percent=95.0,
+    dtw_mean_m=0.01,
+    frechet_m=0.02,
+    clamp_m=None,
+    baseline_m=0.5,
+    completion_time_s=12.0,
+    lateral_mean_m=0.01,
+    lateral_max_m=0.03,
+    path_length_m=9.9,
+    route_length_m=10.0,
+)
 WRITER = textwrap.dedent(
     """
     import sys, resource, signal
@@ -174,9 +188,11 @@ def test_a_failed_sync_is_never_tried_again(tmp_path: Path, monkeypatch: pytest.
     assert not list(tmp_path.glob("*.mcap"))
 
 
-def test_saved_is_said_only_after_the_disk_has_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """While fdatasync is under way a lap is not saved; once it returns it is, and its bytes were written before it."""
-    writer = recorder(tmp_path)
+@pytest.mark.parametrize("event", [lap(1, 1_000), SCORE], ids=["lap", "score"])
+def test_saved_is_said_only_after_the_disk_has_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, event) -> None:
+    """A lap or score is synced at once, unasked; while fdatasync is under way it is not saved; once that returns it is,
+    and its bytes were written before."""
+    writer = recorder(tmp_path, sync_period_s=3600.0)
     asked, answer, sizes = threading.Event(), threading.Event(), []
     real = os.fdatasync
 
@@ -188,7 +204,7 @@ def test_saved_is_said_only_after_the_disk_has_answered(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(os, "fdatasync", slow)
     before = writer.path.stat().st_size
-    ticket = writer.add_event(lap(1, 1_000))
+    ticket = writer.add_event(event)
     assert asked.wait(30)
     assert not writer.is_saved(ticket)
     assert not writer.wait_saved(ticket, timeout_s=0.01)
@@ -302,6 +318,20 @@ def test_a_place_that_cannot_be_used(tmp_path: Path, kind: str) -> None:
         recorder(place)
 
 
+def test_a_durable_file_that_failed_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a failed sync nothing more is written, synced or renamed, and the writers above hear no exception."""
+    file = DurableFile(tmp_path / "a.mcap")
+    file.write(b"abc")
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "fdatasync", lambda descriptor: os.fsync(1_000_000))
+        assert not file.sync()
+    assert file.failure.errno == errno.EBADF
+    assert file.write(b"def") == 3
+    assert (file.sync(), file.sync_new(), file.finish()) == (False, False, False)
+    assert file.path.read_bytes() == b"abc"
+    assert [one.name for one in tmp_path.iterdir()] == ["a.mcap.part"]
+
+
 def test_a_durable_file_only_grows(tmp_path: Path) -> None:
     """Seeking is refused except to where the file already is, so that a crash can never leave a hole."""
     file = DurableFile(tmp_path / "a.mcap")
@@ -364,6 +394,34 @@ def test_recovery_tells_of_a_hole_and_keeps_the_damaged_file(tmp_path: Path) -> 
     assert run.lost_messages == 1
     assert run.warnings == (f"recovered from {part.name}, 1 damaged parts left out",)
     assert 0 < len(list(run.detections())) < total
+
+
+def test_messages_whose_channel_was_lost_are_counted(tmp_path: Path) -> None:
+    """Where the damaged chunk is the one that described the channels, what follows means nothing and is counted lost."""
+    path = small_run(tmp_path)
+    content = bytearray(path.read_bytes())
+    _, end = chunk_spans(path)[0]
+    content[end - 40 : end - 36] = b"\0\0\0\0"
+    path.write_bytes(content)
+    recovery = recover_file(path)
+    assert (recovery.messages, recovery.bad_parts, recovery.original_kept) == (0, 1, True)
+    assert recovery.orphans > 80
+    assert read_run(recovery.path).lost_messages == 1 + recovery.orphans
+
+
+def test_a_copy_that_does_not_read_back_gets_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the disk returns other bytes than were written, recovery fails, the `.part` stays and no copy is left."""
+    path = small_run(tmp_path)
+    part = path.rename(path.with_name(path.name + ".part"))
+    real = DurableFile.write
+
+    def forgetful(file: DurableFile, data: bytes) -> int:
+        return real(file, bytes(data) if len(data) < 1000 else bytes(data[:-1]) + bytes([data[-1] ^ 1]))
+
+    monkeypatch.setattr(DurableFile, "write", forgetful)
+    with pytest.raises(WorkError, match="does not read back as written"):
+        recover_file(part)
+    assert list(tmp_path.iterdir()) == [part]
 
 
 def test_a_whole_file_needs_no_recovery_but_a_whole_part_gets_its_name(tmp_path: Path) -> None:

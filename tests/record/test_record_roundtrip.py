@@ -205,7 +205,7 @@ def test_pictures_keep_to_the_configured_rate(tmp_path: Path, image_fps: float |
     """Of 3 s at 30 frames per second with jittering stamps, image_fps * 3 pictures are kept, spread evenly."""
     writer = recorder(tmp_path, image_fps=image_fps)
     for sequence in range(90):
-        writer.add_frame(frame(sequence, round(sequence * 1e9 / 30) + (sequence % 3) * 1_000_000))
+        writer.add_frame(frame(sequence, round(sequence * 1e9 / 30) + (sequence * 7 % 5) * 1_000_000))
     stamps = [one.t_ns for one in iter_frames(writer.close())]
     assert len(stamps) == expected
     if image_fps == 5.0:

@@ -162,6 +162,21 @@ def test_a_record_longer_than_the_file_takes_no_memory(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
+def test_a_record_of_a_gigabyte_is_not_read(tmp_path: Path) -> None:
+    """A sparse file that really has the 2 GB its first record claims is refused without reading them."""
+    path = tmp_path / "wide.mcap"
+    with path.open("wb") as stream:
+        stream.write(MAGIC + struct.pack("<BQ", 6, 2_000_000_000))
+        stream.truncate(2_100_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="not a record"):
+            read_run(path)
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
+
+
 @pytest.mark.parametrize("content", [b"", b"MCAP", b"not an MCAP file at all" * 99])
 def test_other_files_are_not_taken_for_recordings(tmp_path: Path, content: bytes) -> None:
     """What is no MCAP file is refused as such, by name."""
