@@ -14,7 +14,6 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from statistics import fmean
 from string import Template
 from typing import Any
 
@@ -104,16 +103,16 @@ def _data_uri(png: bytes) -> str:
 
 def _facts(result: RunResult) -> str:
     (row,) = entry_rows([result])
-    sigmas = [lap.sigma_s for lap in result.laps if lap.valid]
+    best = min((lap for lap in result.laps if lap.valid), key=lambda lap: lap.time_s, default=None)
     facts: list[tuple[str, str]] = [
         ("Source", result.source_uri),
         ("Track", f"{result.track.name}, route of {result.track.centreline.length_m:.3f} m"),
         ("Laps", f"{row.valid_laps} valid of {row.laps}"),
-        ("Path similarity", "DNF" if not row.finished else _number(row.similarity_percent, "{:.2f} %")),
-        ("Completion time", _number(row.completion_time_s, "{:.3f} s", none="DNF")),
+        ("Path similarity, mean", "DNF" if not row.finished else _number(row.similarity_percent, "{:.2f} %")),
+        ("Completion time, mean", _number(row.completion_time_s, "{:.3f} s", none="DNF")),
     ]
-    if row.best_lap_s is not None:
-        facts.append(("Best lap", f"{row.best_lap_s:.3f} s (mean sigma {fmean(sigmas):.4f} s)"))
+    if best is not None:
+        facts.append(("Best lap", f"lap {best.number}, {best.time_s:.3f} {_PLUS_MINUS} {best.sigma_s:.3f} s"))
     if result.frames and result.detected_frames is not None:
         share = 100 * result.detected_frames / result.frames
         facts.append(("Car found", f"in {result.detected_frames} of {result.frames} frames ({share:.1f} %)"))

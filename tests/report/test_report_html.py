@@ -89,6 +89,7 @@ def test_the_laps_are_told_in_full(result: Callable[..., RunResult]) -> None:
         "0.0190 / 0.0580",
         "no: the car left the lane by 0.12 m",
         "2 valid of 3",
+        "lap 2, 12.102 ± 0.003 s",
         "in 1188 of 1200 frames (99.0 %)",
     ):
         assert fact in text
