@@ -67,7 +67,7 @@ def lane_graph(mask: Mask) -> tuple[LaneGraph, float]:
     radius = np.asarray(cv2.distanceTransform(small.astype(np.uint8), cv2.DIST_L2, 5), dtype=np.float32)
     skeleton = thin(small)
     graph = build_graph(skeleton, radius)
-    half_width = float(np.median(radius[skeleton])) / factor
+    half_width = (float(np.median(radius[skeleton])) if skeleton.any() else 1.0) / factor
     edges = tuple(replace(edge, points=(edge.points - 0.5) / factor - 0.5) for edge in graph.edges)
     return LaneGraph(edges=edges), half_width
 
@@ -170,6 +170,10 @@ def _smoothed(points: Points, weights: Floats, wavelength_px: float) -> Points:
     spacing = float(_chords(points).mean())
     k = (2 * math.sin(math.pi * min(0.5, spacing / wavelength_px))) ** -6
     one = np.eye(n)
-    third = np.roll(one, -2, axis=1) - 3 * np.roll(one, -1, axis=1) + 3 * one - np.roll(one, 1, axis=1)
-    solved = np.linalg.solve(np.diag(weights) + k * (third.T @ third), weights[:, None] * points)
+    # The square of the third difference's matrix: the same seven numbers in every row, round the ring.
+    penalty = sum(
+        share * np.roll(one, shift, axis=1)
+        for shift, share in zip(range(-3, 4), (-1.0, 6.0, -15.0, 20.0, -15.0, 6.0, -1.0), strict=True)
+    )
+    solved = np.linalg.solve(np.diag(weights) + k * penalty, weights[:, None] * points)
     return np.asarray(solved, dtype=np.float64)
