@@ -39,6 +39,7 @@ from dnb_edge.values import (
 )
 
 BATCH = 64
+_ADVICE = "run `dnb-edge runs recover` on it"
 WRITE_ERRORS = (OSError, RuntimeError, ValueError, TypeError, OverflowError, cv2.error)
 """What foxglove-sdk (RuntimeError), JSON (ValueError, TypeError), OpenCV and the system can say while we write."""
 
@@ -314,9 +315,6 @@ class Recorder:
 
     def _ended(self) -> bool:
         return self._reason is not None or self._finished or self._keep_part
-
-
-_ADVICE = "run `dnb-edge runs recover` on it"
 
 
 def _create(directory: Path) -> DurableFile:
