@@ -6,13 +6,11 @@ and never ends by it. Knows pyserial and what a port can do wrong; the words com
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import select
 import termios
 import threading
 import time
-from collections.abc import Iterator
 
 import serial
 
@@ -80,9 +78,10 @@ class SerialDisplay(ClosesOnExit):
         attempt = 0
         while not self._mailbox.closed:
             try:
-                with self._open() as port, _discarding_output(port):
+                with self._open() as port:
                     attempt = 0
                     self._talk(port)
+                    _let_go(port)
             except PORT_FAULTS as fault:
                 self._goes_offline(f"{self._port_path}: {fault}")
                 self._mailbox.sleep(BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)])
@@ -114,7 +113,6 @@ class SerialDisplay(ClosesOnExit):
             else:
                 self._goes_online()
                 shown = state
-        _drain(port)
 
     def _goes_online(self) -> None:
         if self._status is DisplayStatus.OFFLINE:
@@ -136,17 +134,10 @@ def _write(port: serial.Serial, lines: bytes, *, fresh: bool) -> None:
     port.write(b"\r\n" + lines if fresh else lines)
 
 
-def _drain(port: serial.Serial) -> None:
+def _let_go(port: serial.Serial) -> None:
+    """Give the last lines `DRAIN_S` to leave, then discard them: close() would wait up to 30 s for a stuck display."""
     deadline_s = time.monotonic() + DRAIN_S
     while port.out_waiting and time.monotonic() < deadline_s:
         time.sleep(0.01)
-
-
-@contextlib.contextmanager
-def _discarding_output(port: serial.Serial) -> Iterator[None]:
-    """Empties the output buffer at the end: the kernel would wait up to 30 s in close() for a display that is stuck."""
-    try:
-        yield
-    finally:
-        with contextlib.suppress(*PORT_FAULTS):
-            port.reset_output_buffer()
+    if port.out_waiting:
+        port.reset_output_buffer()

@@ -24,6 +24,7 @@ class PtyLine:
     def __init__(self, path):
         self.path = path
         self.master = self.slave = None
+        self.raw = b""
 
     def plug(self):
         self.master, self.slave = os.openpty()
@@ -38,9 +39,11 @@ class PtyLine:
             self.master = self.slave = None
 
     def read(self, size=4096):
-        """What is there to read now, `size` bytes at most; nothing where nothing is."""
+        """What is there to read now, `size` bytes at most; nothing where nothing is. `raw` keeps all of it."""
         ready, _, _ = select.select([self.master], [], [], 0.02)
-        return os.read(self.master, size) if ready else b""
+        data = os.read(self.master, size) if ready else b""
+        self.raw += data
+        return data
 
     def listen(self, firmware, heard, *, size=4096):
         """Read into `firmware`, `size` bytes at a time, until `heard(firmware)`."""
@@ -53,7 +56,7 @@ class PtyLine:
 
 
 class Firmware:
-    """A display as docs/display-protocol.md tells its makers: HELLO forgets, RUN draws, wrong lines are dropped."""
+    """A display as its makers read the protocol: HELLO forgets, RUN draws, lines without right checksum are dropped."""
 
     def __init__(self):
         self._torn = b""
@@ -61,7 +64,7 @@ class Firmware:
         self.shown = self._blank()
         self.crossings = []
         self.repaints = 0
-        self.dropped = 0
+        self.dropped = []
 
     @staticmethod
     def _blank():
@@ -73,9 +76,13 @@ class Firmware:
             if not line:
                 continue
             try:
-                self.obey(protocol.parse_line(line))
+                message = protocol.parse_line(line)
             except InputError:
-                self.dropped += 1
+                message = None
+            if message is None or b" *" not in line:
+                self.dropped.append(line)
+            else:
+                self.obey(message)
 
     def obey(self, message):
         match message:

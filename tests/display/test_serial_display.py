@@ -26,9 +26,9 @@ def test_lap_appears(line):
         line.listen(firmware, lambda heard: 1 in heard.shown["laps"])
         display.post(race(2, laps_wanted=3))
         line.listen(firmware, lambda heard: 2 in heard.shown["laps"])
-        assert firmware.crossings == [22.0]
+        assert firmware.crossings.count(22.0) == 1
         assert firmware.shown["state"].body() == "STATE LAP 3 OF 3"
-        assert firmware.dropped == 0
+        assert firmware.dropped == []
         assert display.fault is None
 
 
@@ -47,7 +47,7 @@ def test_reading_byte_by_byte(line):
     with SerialDisplay(str(line.path)) as display:
         display.post(race(3).after(health(warnings=("dark",))))
         line.listen(firmware, lambda heard: heard.shown["warnings"] == ["dark"], size=1)
-        assert firmware.dropped == 0
+        assert firmware.dropped == []
 
 
 def test_silence_is_broken_by_signs_of_life_and_repaints(line):
@@ -92,14 +92,17 @@ def test_unplug_and_replug(line):
 
 
 def test_a_stuck_display_never_blocks_and_comes_back(line):
-    """Nobody reads: posts go on, the display is offline and stays so; once read again it is repainted with whole lines."""
+    """Nobody reads: posts go on, the display is offline and stays so; once read again it is repainted from a blank line."""
     with SerialDisplay(str(line.path)) as display:
         wait_until(is_online(display))
         state, posts = race(1), 0
 
         def post_until_stuck():
             nonlocal state, posts
-            state, posts = state.after(crossing(20.0 + posts)), posts + 1
+            posts += 1
+            state = state.after(crossing(20.0 + posts)).after(
+                health(20.0 + posts, warnings=(f"{posts} " + "w" * 50,) * 4)
+            )
             display.post(state)
             return display.status is DisplayStatus.OFFLINE
 
@@ -108,7 +111,7 @@ def test_a_stuck_display_never_blocks_and_comes_back(line):
         display.post(state.after(lap(2, 12.0, 9.0)))
         firmware = Firmware()
         line.listen(firmware, lambda heard: 2 in heard.shown["laps"])
-        assert firmware.dropped <= 1, "more than the one line torn when the buffer was full"
+        assert b"\r\n\r\nHELLO" in line.raw, "no blank line to end a torn one before the repaint"
         wait_until(is_online(display))
 
 

@@ -36,6 +36,12 @@ def test_picture_fits_80_by_24(state):
     assert max(map(len, lines)) <= 80
 
 
+@pytest.mark.parametrize("height", range(16, 30))
+def test_picture_leaves_a_row_for_printed_lines(height):
+    """A picture as high as the terminal would be drawn again and again below itself."""
+    assert len(render(fullest_board(), height=height)) < height
+
+
 @pytest.mark.parametrize(("width", "height"), [(60, 16), (40, 10), (200, 60)])
 def test_picture_survives_other_sizes(width, height):
     """A small or a large terminal gets a picture that is no wider than itself."""
