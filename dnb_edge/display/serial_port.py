@@ -7,6 +7,7 @@ and never ends by it. Knows pyserial and what a port can do wrong; the words com
 from __future__ import annotations
 
 import logging
+import os
 import select
 import termios
 import threading
@@ -83,7 +84,7 @@ class SerialDisplay(ClosesOnExit):
                     self._talk(port)
                     _let_go(port)
             except PORT_FAULTS as fault:
-                self._goes_offline(f"{self._port_path}: {fault}")
+                self._goes_offline(f"{self._port_path}: {_reason(fault)}")
                 self._mailbox.sleep(BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)])
                 attempt += 1
 
@@ -123,6 +124,12 @@ class SerialDisplay(ClosesOnExit):
         if self._fault is None:
             log.warning("display offline: %s", fault)
         self._status, self._fault = DisplayStatus.OFFLINE, fault
+
+
+def _reason(fault: Exception) -> str:
+    """The system's words where `fault` has its number: pyserial's own repeat number and path."""
+    number = fault.args[0] if fault.args else None
+    return os.strerror(number) if isinstance(number, int) else str(fault)
 
 
 def _write(port: serial.Serial, lines: bytes, *, fresh: bool) -> None:

@@ -67,7 +67,7 @@ def test_a_port_that_is_not_there_is_offline_and_found_when_it_comes(tmp_path):
         display.post(race(1))
         wait_until(lambda: display.fault is not None)
         assert display.status is DisplayStatus.OFFLINE
-        assert str(line.path) in display.fault
+        assert display.fault == f"{line.path}: No such file or directory"
         line.plug()
         line.listen(Firmware(), lambda heard: 1 in heard.shown["laps"])
         wait_until(is_online(display))
