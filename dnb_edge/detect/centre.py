@@ -160,7 +160,9 @@ class CentreDetector:
         top, bottom = max(0, round(peak.v_px - 1.3 * reach)), max(1, round(peak.v_px + 0.5 * reach) + 1)
         left, right = max(0, round(peak.u_px - reach)), max(1, round(peak.u_px + reach) + 1)
         patch = moved[top:bottom, left:right]
-        return bool(patch.size) and float((patch > self._settings.moving_level).mean()) >= self._settings.moving_share
+        # a change of the light differs everywhere: only what differs more has moved
+        level = self._settings.moving_level + float(np.median(moved[::8, ::8]))
+        return bool(patch.size) and float((patch > level).mean()) >= self._settings.moving_share
 
 
 def _rank(found: Detection) -> float:

@@ -36,13 +36,15 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--iterations", type=int, default=7000)
     parser.add_argument("--shards", type=int, default=240, help=f"files of {SHARD_SAMPLES} samples each")
-    parser.add_argument("--batch", type=int, default=32)
+    parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--held-out", type=int, default=400, help="samples to measure on")
     parser.add_argument(
         "--assets", type=Path, help="folder with permissively licensed photographs in its subfolder 'photos'"
     )
     parser.add_argument("--workers", type=int, default=2, help="processes that make samples")
-    parser.add_argument("--checkpoint-every", type=int, default=500)
+    parser.add_argument(
+        "--checkpoint-every", type=int, default=500, help="a run that was cut short goes on from OUT/checkpoint.pt"
+    )
     given = parser.parse_args(arguments)
     if min(given.iterations, given.shards, given.batch, given.workers) < 1:
         raise InputError("--iterations, --shards, --batch and --workers must be at least 1")
@@ -86,7 +88,6 @@ def run(arguments: Sequence[str] | None = None) -> Path:
     given = _arguments(arguments)
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
-    os.nice(5)
     given.out.mkdir(parents=True, exist_ok=True)
     command = f"python -m dnb_edge.train --out OUT --seed {given.seed} --iterations {given.iterations} --shards {given.shards}"
     command += f" --batch {given.batch}" + ("" if given.assets is None else " --assets ASSETS")
@@ -103,7 +104,7 @@ def run(arguments: Sequence[str] | None = None) -> Path:
             report=lambda step, parts: _LOG.info(
                 "%6d  %s", step, "  ".join(f"{name} {value:.4f}" for name, value in parts.items())
             ),
-            checkpoint=lambda step, network: torch.save(network.state_dict(), given.out / f"checkpoint-{step:06d}.pt"),
+            checkpoint=given.out / "checkpoint.pt",
             checkpoint_every=given.checkpoint_every,
             jobs=jobs,
         )
@@ -117,6 +118,7 @@ def run(arguments: Sequence[str] | None = None) -> Path:
 
 def main() -> None:
     """The command: exit code 2 for wrong input, 1 for failed work."""
+    os.nice(5)  # hours of work: let everything else go first
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", stream=sys.stderr)
     try:
         run()

@@ -34,12 +34,14 @@ class FollowResult:
     """Share of all frames with a detection within `found_px` of the truth."""
     within_14px_fraction: float
     """Share of the frames with any detection in which it lies within 14 px."""
-    error_p50_px: float
-    error_p95_px: float
+    error_p50_px: float | None
+    error_p95_px: float | None
+    """Percentiles of the error of all detections, near or not; None where there is none."""
     bias_px: tuple[float, float]
     """Mean error (u, v) of the found frames."""
     full_frames: int
-    length_ratio_p50: float
+    length_p50_px: float
+    """Median length of the found car, camera px."""
     sigma_ratio_rms: float
     """Root mean square of error over the stated sigma, an axis; 1 where the sigmas are true."""
 
@@ -113,7 +115,7 @@ def follow_clip(
         None if one is None else (one.camera_px[0] - true[0], one.camera_px[1] - true[1])
         for one, true in zip(chosen, truth_px, strict=True)
     ]
-    errors = np.array([math.hypot(*pair) for pair in apart if pair is not None] or [math.inf])
+    errors = np.array([math.hypot(*pair) for pair in apart if pair is not None])
     hits = [
         (number, one, pair)
         for number, (one, pair) in enumerate(zip(chosen, apart, strict=True))
@@ -125,12 +127,12 @@ def follow_clip(
         frames=len(frames),
         acquired_at=hits[0][0] if hits else None,
         found_fraction=len(hits) / len(frames),
-        within_14px_fraction=float((errors <= 14.0).mean()),
-        error_p50_px=float(np.percentile(errors, 50)),
-        error_p95_px=float(np.percentile(errors, 95)),
+        within_14px_fraction=float((errors <= 14.0).mean()) if len(errors) else 0.0,
+        error_p50_px=float(np.percentile(errors, 50)) if len(errors) else None,
+        error_p95_px=float(np.percentile(errors, 95)) if len(errors) else None,
         bias_px=(float(bias[0]), float(bias[1])),
         full_frames=full,
-        length_ratio_p50=float(np.median([one.length_px for _, one, _ in hits] or [0.0])),
+        length_p50_px=float(np.median([one.length_px for _, one, _ in hits] or [0.0])),
         sigma_ratio_rms=float(np.sqrt(np.mean(np.square(ratio or [0.0])))),
     )
     return result, chosen

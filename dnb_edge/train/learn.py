@@ -7,7 +7,6 @@ the iteration, never on how far their making has come.
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from torch import Tensor
 from dnb_edge.errors import WorkError
 from dnb_edge.train.batches import Batch, make_batch
 from dnb_edge.train.network import CentreNet, to_input
-from dnb_edge.train.shards import SHARD_SAMPLES, shard_paths
+from dnb_edge.train.shards import shard_paths
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,9 +28,11 @@ class Schedule:
     """How long and how fast to learn."""
 
     iterations: int
-    batch: int = 32
+    batch: int = 24
     peak_rate: float = 2e-3
     warm_up: int = 200
+    decay_from: float = 0.6
+    """Share of the iterations after which the rate, constant until then, falls in a straight line."""
     shards: int = 240
     first_shards: int = 16
     """Shards in use from the start; one more is added every `iterations_per_shard`."""
@@ -62,7 +63,7 @@ class ShardReader:
         pictures, labels = [], []
         for _ in range(size):
             shard = self._shard(int(rng.integers(allowed.start, allowed.stop)))
-            row = int(rng.integers(SHARD_SAMPLES))
+            row = int(rng.integers(len(shard[1])))
             pictures.append(np.asarray(shard[0][row]))
             labels.append(shard[1][row])
         return make_batch(pictures, labels, rng)
@@ -97,8 +98,8 @@ _WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "heading": 0.15, "spread": 
 def _rate(schedule: Schedule, step: int) -> float:
     if step < schedule.warm_up:
         return schedule.peak_rate * (step + 1) / schedule.warm_up
-    done = (step - schedule.warm_up) / max(1, schedule.iterations - schedule.warm_up)
-    return schedule.peak_rate * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+    left = (schedule.iterations - step) / max(1.0, schedule.iterations * (1.0 - schedule.decay_from))
+    return schedule.peak_rate * max(0.01, min(1.0, left))
 
 
 def _update_mean(mean: CentreNet, network: CentreNet, keep: float) -> None:
@@ -110,37 +111,61 @@ def _update_mean(mean: CentreNet, network: CentreNet, keep: float) -> None:
                 kept.copy_(new)
 
 
+def _save(path: Path, step: int, network: CentreNet, mean: CentreNet, optimiser: torch.optim.Optimizer) -> None:
+    part = path.with_suffix(".part")
+    state = {
+        "step": step,
+        "network": network.state_dict(),
+        "mean": mean.state_dict(),
+        "optimiser": optimiser.state_dict(),
+    }
+    torch.save(state, part)
+    part.replace(path)
+
+
+def _restore(path: Path, network: CentreNet, mean: CentreNet, optimiser: torch.optim.Optimizer) -> int:
+    """Take up a checkpoint; the number of iterations already done."""
+    state = torch.load(path)
+    network.load_state_dict(state["network"])
+    mean.load_state_dict(state["mean"])
+    optimiser.load_state_dict(state["optimiser"])
+    return int(state["step"])
+
+
 def train(
     folder: Path,
     *,
     seed: int,
     schedule: Schedule,
     report: Callable[[int, dict[str, float]], None],
-    checkpoint: Callable[[int, CentreNet], None] | None = None,
-    checkpoint_every: int = 1000,
+    checkpoint: Path | None = None,
+    checkpoint_every: int = 500,
     jobs: Sequence[Future[int]] = (),
 ) -> CentreNet:
     """Learn from the shards in `folder`, which `jobs` make in order.
 
-    Returns the network with the running mean of its weights, in eval mode.
+    Returns the network with the running mean of its weights, in eval mode. Goes on from `checkpoint` where there is one; until
+    the rate begins to fall that is the same as having run through, whatever the number of iterations.
     """
     torch.manual_seed(seed)
-    rng = np.random.default_rng([seed, 2**31])
     network = CentreNet()
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = copy.deepcopy(network)
     optimiser = torch.optim.AdamW(network.parameters(), lr=schedule.peak_rate, weight_decay=1e-4)
     reader = ShardReader(folder, jobs)
     seen: dict[str, float] = {}
+    first = 0
+    if checkpoint is not None and checkpoint.exists():
+        first = _restore(checkpoint, network, mean, optimiser)
 
     def batch_for(step: int) -> Batch:
         count = min(schedule.shards, schedule.first_shards + step // schedule.iterations_per_shard)
-        return reader.batch(range(count), schedule.batch, rng)
+        return reader.batch(range(count), schedule.batch, np.random.default_rng([seed, 2**31, step]))
 
     network.train()
     with ThreadPoolExecutor(1) as ahead:
-        coming = ahead.submit(batch_for, 0)
-        for step in range(schedule.iterations):
+        coming = ahead.submit(batch_for, first)
+        for step in range(first, schedule.iterations):
             batch = coming.result()
             coming = ahead.submit(batch_for, step + 1)
             for group in optimiser.param_groups:
@@ -160,6 +185,6 @@ def train(
             if (step + 1) % 50 == 0 or step + 1 == schedule.iterations:
                 report(step + 1, dict(seen))
             if checkpoint is not None and (step + 1) % checkpoint_every == 0:
-                checkpoint(step + 1, mean)
+                _save(checkpoint, step + 1, network, mean, optimiser)
     mean.eval()
     return mean

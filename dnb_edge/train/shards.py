@@ -78,11 +78,19 @@ def padded(labels: NDArray[np.float32]) -> NDArray[np.float32]:
     return out
 
 
-def write_shard(folder: Path, number: int, seed: int, photos: Sequence[BgrImage], textures: Sequence[BgrImage]) -> None:
+def write_shard(
+    folder: Path,
+    number: int,
+    seed: int,
+    photos: Sequence[BgrImage],
+    textures: Sequence[BgrImage],
+    *,
+    samples: int = SHARD_SAMPLES,
+) -> None:
     """Make and write one shard; the pictures' file appears last and only when whole."""
-    pictures = np.empty((SHARD_SAMPLES, 2, SCENE_PX, SCENE_PX, 3), dtype=np.uint8)
-    labels = np.zeros((SHARD_SAMPLES, MAX_CARS, LABEL_FIELDS), dtype=np.float32)
-    for row in range(SHARD_SAMPLES):
+    pictures = np.empty((samples, 2, SCENE_PX, SCENE_PX, 3), dtype=np.uint8)
+    labels = np.zeros((samples, MAX_CARS, LABEL_FIELDS), dtype=np.float32)
+    for row in range(samples):
         sample = make_sample(np.random.default_rng([seed, number * SHARD_SAMPLES + row]), photos, textures)
         pictures[row, 0], pictures[row, 1] = sample.image, sample.background
         labels[row] = padded(sample.labels)

@@ -30,10 +30,17 @@ def _window(
     return look_pixels(sample.image, sample.background if with_background else sample.image, look, 1.0), look
 
 
+def _percentile(values: list[float], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None
+
+
 def window_figures(
     network: CentreNetwork, samples: Iterable[Sample], *, with_background: bool, seed: int = 0
-) -> dict[str, float]:
-    """Recall and ground-point error, px of a window with a 36 px car, over the well-visible cars of `samples`."""
+) -> dict[str, float | None]:
+    """Recall and ground-point error, px of a window with a 36 px car, over the well-visible cars of `samples`.
+
+    Figures of found cars are None where none was found.
+    """
     rng = np.random.default_rng(seed)
     errors: list[float] = []
     errors_u: list[float] = []
@@ -68,9 +75,9 @@ def window_figures(
         "cars": cars,
         "recall": len(errors) / max(1, cars),
         "false_peaks_per_window": false_peaks / max(1, windows),
-        "error_p50_px": float(np.percentile(errors or [math.inf], 50)),
-        "error_p95_px": float(np.percentile(errors or [math.inf], 95)),
-        "bias_u_px": float(np.mean(errors_u or [0.0])),
-        "bias_v_px": float(np.mean(errors_v or [0.0])),
-        "length_ratio_p50": float(np.median(lengths or [0.0])),
+        "error_p50_px": _percentile(errors, 50),
+        "error_p95_px": _percentile(errors, 95),
+        "bias_u_px": float(np.mean(errors_u)) if errors else None,
+        "bias_v_px": float(np.mean(errors_v)) if errors else None,
+        "length_ratio_p50": _percentile(lengths, 50),
     }
