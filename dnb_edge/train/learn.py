@@ -149,7 +149,7 @@ def train(
     """
     torch.manual_seed(seed)
     network = CentreNet()
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network.to(memory_format=torch.channels_last)
     mean = copy.deepcopy(network)
     optimiser = torch.optim.AdamW(network.parameters(), lr=schedule.peak_rate, weight_decay=1e-4)
     reader = ShardReader(folder, jobs)
@@ -176,7 +176,7 @@ def train(
             parts = losses(tuple(output.float() for output in outputs), torch.from_numpy(batch.targets))
             total = torch.stack([_WEIGHTS[name] * part for name, part in parts.items()]).sum()
             optimiser.zero_grad(set_to_none=True)
-            total.backward()  # type: ignore[no-untyped-call]
+            total.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             optimiser.step()
             _update_mean(mean, network, min(schedule.ema, (step + 1) / (step + 10)))

@@ -22,7 +22,7 @@ from dnb_edge.train.network import OUTPUT_CHANNELS, CentreNet
 OPSET = 17
 
 
-class _Batches(CalibrationDataReader):  # type: ignore[misc]
+class _Batches(CalibrationDataReader):
     def __init__(self, inputs: Sequence[NDArray[np.float32]]) -> None:
         self._left: Iterator[NDArray[np.float32]] = iter(inputs)
 
@@ -37,7 +37,7 @@ def export_float(network: CentreNet, path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the tracing exporter calls itself old; it is what quantisation handles best
         torch.onnx.export(
-            network.eval().to(memory_format=torch.contiguous_format),  # type: ignore[call-overload]
+            network.eval().to(memory_format=torch.contiguous_format),
             (torch.zeros(1, 4, 160, 160),),
             str(path),
             input_names=["pixels"],
