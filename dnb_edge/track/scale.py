@@ -33,6 +33,8 @@ class TwinScale:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"twin scale: {name} must be a positive number, not {value!r}")
+            # A whole number from a file is stored as the fraction that it reads back as.
+            object.__setattr__(self, name, float(value))
 
     @classmethod
     def from_measured_length(cls, *, from_px: PointPx, to_px: PointPx, length_m: float, height_px: float) -> Self:
