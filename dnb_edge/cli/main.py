@@ -11,7 +11,6 @@ import os
 import sys
 from typing import Annotated
 
-import click
 import typer
 
 from dnb_edge import __version__
@@ -52,28 +51,20 @@ def options(
 
 
 def main() -> None:
-    """Entry point of the command: runs the verb and exits with its code."""
+    """Entry point of the command: runs the verb and exits with its code. Typer itself answers wrong options, with code 2."""
     logging.basicConfig(level=logging.WARNING, format="dnb-edge: %(message)s", stream=sys.stderr)
-    sys.exit(_code())
-
-
-def _code() -> int:
     try:
-        result = app(standalone_mode=False)
+        app()
     except DnbEdgeError as error:
         _say(str(error))
-        return 2 if isinstance(error, InputError) else 1
-    except click.ClickException as error:
-        error.show()
-        return 2
-    except (click.Abort, KeyboardInterrupt):
+        sys.exit(2 if isinstance(error, InputError) else 1)
+    except KeyboardInterrupt:
         _say("interrupted")
-        return 1
+        sys.exit(1)
     except BrokenPipeError:
         # Whoever read our output has gone; keep Python from complaining about it once more at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    return result if isinstance(result, int) else 0
+        sys.exit(1)
 
 
 def _say(text: str) -> None:
