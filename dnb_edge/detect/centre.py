@@ -80,7 +80,7 @@ class CentreDetector:
             look = self._window(window.camera_px, window.length_px)
             found.extend(self._look(image, look, whole.scale, settings.follow_confidence))
         if full_frame and reduced is not None:
-            found.extend(self._search(image, reduced, whole))
+            found.extend(self._search(image, reduced, whole, fine=not windows))
         detections = _merged(found, settings.most_detections)
         if due and reduced is not None:
             self._background.update(reduced, scale=whole.scale, frozen=self._frozen(windows, detections))
@@ -110,8 +110,8 @@ class CentreDetector:
         )
         return discs
 
-    def _search(self, image: BgrImage, reduced: BgrImage, whole: Look) -> list[Detection]:
-        """The whole frame at reduced size, one fine tile, and close looks at the best candidates."""
+    def _search(self, image: BgrImage, reduced: BgrImage, whole: Look, *, fine: bool) -> list[Detection]:
+        """The whole frame at reduced size, one fine tile where `fine`, and close looks at the best candidates."""
         settings = self._settings
         background = self._background.picture
         if background is None:
@@ -120,7 +120,7 @@ class CentreDetector:
         tiles = tile_looks(
             whole.width_px, whole.height_px, fine_width_px=settings.fine_width_px, tile_px=settings.tile_px
         )
-        if tiles:
+        if tiles and fine:
             coarse.extend(self._look(image, tiles[self._tile % len(tiles)], whole.scale, settings.acquire_confidence))
             self._tile += 1
         candidates = _merged([*coarse, *self._candidates], settings.close_looks)

@@ -20,6 +20,7 @@ import numpy as np
 from dnb_edge.detect.centre import CentreDetector, CentreDetectorSettings
 from dnb_edge.detect.onnx import CentreNetwork, default_model_path, load_model
 from dnb_edge.errors import InputError
+from dnb_edge.train.card import write_card
 from dnb_edge.values import BgrImage, Detection, SearchWindow
 
 
@@ -149,12 +150,26 @@ def find_in_photo(network: CentreNetwork, photo: BgrImage) -> tuple[Detection, .
     return CentreDetector(network).detect(photo, sequence=0, t_ns=0, windows=()).detections
 
 
+def _note(network: CentreNetwork, given: argparse.Namespace, figures: dict[str, object]) -> None:
+    """Add the figures to the card, each under its file's name, with the command that gave them."""
+    real = network.card.setdefault("metrics", {}).setdefault("zero_shot", {})
+    for kind, path in (("clip", given.clip), ("photo", given.photo)):
+        if path is not None:
+            command = f"python -m dnb_edge.train.evaluate --{kind} {path.name}"
+            found = figures[kind]
+            real[path.name] = {"command": command, kind: found[:3] if isinstance(found, list) else found}
+    write_card(given.model, network.card)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the figures of a model on a labelled clip or on a photograph."""
     parser = argparse.ArgumentParser(prog="python -m dnb_edge.train.evaluate", description=main.__doc__)
     parser.add_argument("--model", type=Path, default=default_model_path())
     parser.add_argument("--clip", type=Path, help="a clip with NAME.truth.json beside it")
     parser.add_argument("--photo", type=Path)
+    parser.add_argument(
+        "--into-card", action="store_true", help="note the figures in the model's card as zero-shot results"
+    )
     given = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     network = load_model(given.model)
@@ -168,6 +183,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if photo is None:
             raise InputError(f"{given.photo}: not a readable picture")
         out["photo"] = [asdict(one) for one in find_in_photo(network, np.asarray(photo, dtype=np.uint8))]
+    if given.into_card:
+        _note(network, given, out)
     sys.stdout.write(json.dumps(out) + "\n")
 
 
