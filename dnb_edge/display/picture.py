@@ -160,6 +160,10 @@ def _lap_table(state: BoardState, rows: int) -> RenderableType:
     return table
 
 
+_RECORDING = {"none": "no recording", "failed": "recording failed"}
+_RECORDING_STYLE = {"failed": "bold red"}
+
+
 def _health(state: BoardState) -> RenderableType:
     health = state.health
     if health is None:
@@ -167,9 +171,12 @@ def _health(state: BoardState) -> RenderableType:
     facts = Text(style="dim", no_wrap=True, overflow="ellipsis")
     facts.append("- fps" if health.fps is None else f"{health.fps:.1f} fps")
     facts.append(f"   car in {health.detected_frames} of {health.frames} frames")
-    for name, value, bad in (("display", health.display, "offline"), ("recording", health.recording, "failed")):
-        facts.append("   ")
-        facts.append(f"{name} {value}", style="bold red" if value == bad else "dim")
+    facts.append("   ")
+    facts.append(f"display {health.display}", style="bold red" if health.display == "offline" else "dim")
+    facts.append("   ")
+    facts.append(
+        _RECORDING.get(health.recording, health.recording), style=_RECORDING_STYLE.get(health.recording, "dim")
+    )
     warnings = [
         Text(f"! {warning}", style="yellow", no_wrap=True, overflow="ellipsis")
         for warning in health.warnings[:WARNINGS_SHOWN]
