@@ -29,11 +29,26 @@ def test_dtw_equals_dtw_python(path: np.ndarray, reference: np.ndarray) -> None:
     assert dtw_distance(path, reference) == pytest.approx(oracle, abs=1e-9)
 
 
+@given(POINTS, POINTS)
+def test_frechet_equals_the_plain_table(path: np.ndarray, reference: np.ndarray) -> None:
+    """Our leash is that of Eiter and Mannila's table (1994), filled cell by cell, on any two short paths."""
+    assert frechet_distance(path, reference) == pytest.approx(plain_frechet(path, reference), abs=1e-9)
+
+
+def plain_frechet(path: np.ndarray, reference: np.ndarray) -> float:
+    table = np.full((len(path) + 1, len(reference) + 1), np.inf)
+    table[0, 0] = 0.0
+    for i, j in np.ndindex(len(path), len(reference)):
+        way = min(table[i, j], table[i, j + 1], table[i + 1, j])
+        table[i + 1, j + 1] = max(math.dist(path[i], reference[j]), way)
+    return float(table[-1, -1])
+
+
 @given(POINTS.filter(lambda p: len(p) > 1), POINTS.filter(lambda p: len(p) > 1))
-def test_frechet_equals_geos(path: np.ndarray, reference: np.ndarray) -> None:
-    """Our leash is that of shapely (GEOS) on any two short paths."""
+def test_frechet_is_never_above_geos(path: np.ndarray, reference: np.ndarray) -> None:
+    """GEOS (shapely) finds a coupling too, though for about one pair in a hundred not the best one."""
     oracle = shapely.frechet_distance(shapely.LineString(path), shapely.LineString(reference))
-    assert frechet_distance(path, reference) == pytest.approx(oracle, abs=1e-9)
+    assert frechet_distance(path, reference) <= oracle + 1e-9
 
 
 @given(POINTS, POINTS, st.none() | st.floats(0.1, 5.0))
