@@ -116,12 +116,12 @@ def test_a_followed_car_that_stands_still_stays_moving(floor):
 
 
 def test_a_change_of_light_moves_nothing(floor):
-    """When the lamp grows brighter by a tenth nothing counts as moving."""
+    """When the lamp grows brighter by a quarter nothing counts as moving."""
     detector = CentreDetector(load_builtin_model())
     frame = _draw_car(floor, (300.0, 120.0))
     for number in range(6):
         detector.detect(frame, sequence=number, t_ns=number, windows=())
-    brighter = np.clip(frame.astype(np.float32) * 1.1, 0, 255).astype(np.uint8)
+    brighter = np.clip(frame.astype(np.float32) * 1.25, 0, 255).astype(np.uint8)
     seen = detector.detect(brighter, sequence=6, t_ns=6, windows=())
     assert not any(one.moving for one in seen.detections)
 
