@@ -119,10 +119,13 @@ class Core:
         known = {target.target_id for target in self._follower.followed if target.state is not TargetState.TENTATIVE}
         events: list[Event] = []
         fixes: list[Fix] = []
+        fixed_t_ns = self._progress.last_t_ns
         for target in self._follower.step(found.t_ns, observations, on_lane):
             if target.state is not TargetState.CONFIRMED and target.target_id not in known:
                 continue
             seen = self._seen(target, new=target.target_id not in known, t_ns=found.t_ns)
+            # There is one car: what a new target did while an older one was still seen belongs to nobody.
+            seen = [observation for observation in seen if observation.t_ns > fixed_t_ns]
             events += seen
             events.append(target.as_value(t_s))
             for observation in seen:

@@ -21,7 +21,7 @@ from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import Clock, Event, Frame, Lap, Observation, RunSummary, SourceInfo
+from dnb_edge.values import Clock, Event, Frame, Health, Lap, Observation, RunSummary, SourceInfo
 
 TICK_S = 0.25
 """Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
@@ -96,10 +96,11 @@ class Race:
         for sink in self.sinks:
             sink.event(event)
 
-    def _health(self) -> Event:
+    def _health(self) -> Health:
         warnings = tuple(warning for sink in self.sinks for warning in sink.warnings)
-        self._warn(warnings)
-        return self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings)
+        health = self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings)
+        self._warn(health.warnings)
+        return health
 
     def _warn(self, warnings: tuple[str, ...]) -> None:
         """Says each warning once, when it appears."""

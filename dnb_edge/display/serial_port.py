@@ -122,7 +122,7 @@ class SerialDisplay(ClosesOnExit):
 
     def _goes_offline(self, fault: str) -> None:
         if self._fault is None:
-            log.warning("display offline: %s", fault)
+            log.info("display offline: %s", fault)
         self._status, self._fault = DisplayStatus.OFFLINE, fault
 
 

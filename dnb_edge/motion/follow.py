@@ -13,6 +13,9 @@ from dataclasses import dataclass, replace
 from dnb_edge.motion import kalman
 from dnb_edge.values import Observation, Target, TargetState
 
+MAX_CARS = 1
+"""Greatest number of confirmed targets at a time: a run is one car's attempt."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionSettings:
@@ -33,15 +36,15 @@ class MotionSettings:
     """Time unseen after which a confirmed target is lost."""
     strayed_lost_after_s: float = 2.0
     """Time beside the lane after which a target is no longer taken for a car."""
-    max_cars: int = 1
-    """Greatest number of confirmed targets at a time."""
 
     def __post_init__(self) -> None:
         for name in ("acceleration_sigma_mps2", "start_speed_sigma_mps", "gate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"motion.{name}: {getattr(self, name)} must be positive")
-        if self.confirm_observations < 2 or self.max_cars < 1:
-            raise ValueError("motion: confirm_observations must be at least 2 and max_cars at least 1")
+        if self.confirm_observations < 2:
+            raise ValueError(
+                f"motion.confirm_observations: {self.confirm_observations} is too few, at least 2 are needed"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,9 +170,7 @@ class Follower:
     def _settle(self, targets: Sequence[Followed], t_ns: int) -> list[Followed]:
         """Ages every target and confirms those that have earned it, the most travelled first."""
         aged = [replace(target, state=self._aged(target, t_ns)) for target in targets]
-        free = self._settings.max_cars - sum(
-            target.state in (TargetState.CONFIRMED, TargetState.COASTING) for target in aged
-        )
+        free = MAX_CARS - sum(target.state in (TargetState.CONFIRMED, TargetState.COASTING) for target in aged)
         ready = [target for target in aged if self._earned(target)]
         ready.sort(key=lambda target: (-_travel_m(target), target.target_id))
         confirmed = {target.target_id for target in ready[: max(0, free)]}

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.values import Observation, PointM, path_points
 
+BEFORE_ALL_NS = -(2**63)
+"""Earlier than any stamp."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
@@ -39,6 +42,11 @@ class Progress:
     def __init__(self, centreline: Centreline) -> None:
         self._centreline = centreline
         self._last: Fix | None = None
+
+    @property
+    def last_t_ns(self) -> int:
+        """Stamp of the latest fix; before the first one, earlier than any stamp."""
+        return BEFORE_ALL_NS if self._last is None else self._last.t_ns
 
     def fix(self, observation: Observation, *, target_id: int, track_m: PointM) -> Fix:
         """The fix for one observation of the car and its filtered position `track_m`, track m."""

@@ -175,6 +175,20 @@ def test_frames_before_the_confirmation_are_told_afterwards_in_order() -> None:
     assert [o.t_ns for o in observations] == [found.t_ns for found in frames(steady, seconds=3)]
 
 
+def test_a_new_target_takes_over_without_telling_any_frame_twice() -> None:
+    """When the followed thing stands still and goes, and another has been moving meanwhile, no stamp is told twice."""
+    core = Core(circle_setup())
+    events: list[Event] = []
+    for found in frames(lambda t: steady(min(t, 3.0)) if t < 5 else None, seconds=14):
+        other = detection(on_circle(2.5 + OMEGA * found.t_ns * 1e-9))
+        seen = (*found.detections, other) if found.t_ns > 4e9 else found.detections
+        events += core.step(FrameDetections(sequence=found.sequence, t_ns=found.t_ns, detections=seen, full_frame=True))
+    observations = [event for event in events if isinstance(event, Observation)]
+    stamps = [observation.t_ns for observation in observations]
+    assert stamps == sorted(set(stamps))
+    assert len({observation.target_id for observation in observations}) == 2
+
+
 def test_a_thing_that_is_lost_before_it_is_confirmed_is_never_told() -> None:
     """What appears for three frames on the lane and goes again leaves no trace in the events."""
     core = Core(circle_setup())

@@ -84,8 +84,8 @@ def test_a_car_unseen_for_too_long_is_lost_once() -> None:
     assert follower.followed == ()
 
 
-def test_only_as_many_cars_as_allowed_are_confirmed() -> None:
-    """With one car allowed, the second thing that moves stays tentative."""
+def test_only_one_car_is_confirmed() -> None:
+    """While a car is followed, the second thing that moves stays tentative."""
     both = {k: moving(k, k)[k] + moving(k, k, 0.9, 1.0)[k] for k in range(20)}
     _, history = follow(both, 19)
     assert sorted(target.state for target in history[-1]) == [TargetState.CONFIRMED, TargetState.TENTATIVE]
