@@ -108,13 +108,21 @@ def _override(data: dict[str, Any], override: str) -> KeyPath:
 def _explain(error: ValidationError, origin: str, lines: dict[KeyPath, int], given: dict[KeyPath, str]) -> str:
     """One line for the first mistake, and the number of others."""
     first, *others = error.errors()
-    path = tuple(part for part in first["loc"] if not (isinstance(part, str) and part.startswith("function-")))
+    path: KeyPath = tuple(part for part in first["loc"] if not (isinstance(part, str) and part.startswith("function-")))
+    what = _what(first, path)
+    key, colon, rest = what.partition(": ")
+    if colon and path and key.split(".")[: len(path)] == list(path):
+        # A section's own check names the key itself.
+        path, what = tuple(key.split(".")), rest
     where = next((f"--set {given[path[:n]]}" for n in range(len(path), 0, -1) if path[:n] in given), None)
+    if where is None and first["type"] == "extra_forbidden" and path not in lines:
+        # An unknown section that only an override has made.
+        where = next((f"--set {text}" for at, text in given.items() if at[: len(path)] == path), None)
     if where is None:
         line = next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), None)
         where = origin if line is None else f"{origin}, line {line}"
     more = f" (and {len(others)} more)" if others else ""
-    return f"{where}: {_dotted(path)}: {_what(first, path)}{more}"
+    return f"{where}: {_dotted(path)}: {what}{more}"
 
 
 def _what(mistake: Any, path: KeyPath) -> str:

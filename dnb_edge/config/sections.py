@@ -15,7 +15,7 @@ import types
 import typing
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, create_model
+from pydantic import BaseModel, ConfigDict, Field, Strict, create_model, model_validator
 
 Number = Annotated[float, Strict()]
 """A number; text and booleans are none."""
@@ -28,15 +28,28 @@ STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attrib
 
 
 def section(settings: type, **changed_defaults: Any) -> type[BaseModel]:
-    """A strict model with the fields of the dataclass `settings`; keywords replace defaults."""
+    """A strict model with the fields of the dataclass `settings`, whose own checks it applies; keywords replace defaults."""
     kinds = typing.get_type_hints(settings)
     texts = _attribute_docs(settings)
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(settings):
         default = changed_defaults.get(field.name, ... if field.default is dataclasses.MISSING else field.default)
         fields[field.name] = (_strict(kinds[field.name]), Field(default, description=texts.get(field.name)))
-    model: type[BaseModel] = create_model(settings.__name__, __config__=STRICT, __doc__=settings.__doc__, **fields)
+    checks: dict[str, Any] = {"checked": model_validator(mode="after")(_checked_by(settings))}
+    model: type[BaseModel] = create_model(
+        settings.__name__, __config__=STRICT, __doc__=settings.__doc__, __validators__=checks, **fields
+    )
     return model
+
+
+def _checked_by(settings: type) -> Any:
+    """A validator that makes `settings` from the model's values, to hear its ValueErrors while file and line are known."""
+
+    def checked(model: BaseModel) -> BaseModel:
+        settings(**{name: getattr(model, name) for name in type(model).model_fields})
+        return model
+
+    return checked
 
 
 def _strict(kind: Any) -> Any:

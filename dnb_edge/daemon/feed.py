@@ -6,7 +6,6 @@ does wait, so that every frame is raced and two runs are alike. Knows threads an
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -20,8 +19,6 @@ from dnb_edge.values import Frame
 QUEUE_FRAMES = 2
 BACK_OFF_S = (0.25, 0.5, 1.0, 2.0, 3.0)
 """Waits between attempts to open a camera that went away; the last one repeats."""
-
-log = logging.getLogger(__name__)
 
 
 class FrameFeed:
@@ -58,9 +55,9 @@ class FrameFeed:
 
     @property
     def ended(self) -> bool:
-        """True once the source has ended and its last frame was taken."""
+        """True once the source has ended well and its last frame was taken; what ended it badly comes out of `take`."""
         with self._changed:
-            return self._ended and not self._frames
+            return self._ended and not self._frames and self._failure is None
 
     def take(self, timeout_s: float) -> Frame | None:
         """The next frame; None where the source has ended or none came within `timeout_s`.
@@ -90,6 +87,8 @@ class FrameFeed:
         try:
             while not self._stop.is_set() and self._drain():
                 pass
+            # Again, in case it came back while `close` was closing its predecessor.
+            self._source.close()
         except Exception as error:  # noqa: BLE001 handed to the race's thread, which raises it
             self._failure = error
         finally:
@@ -109,7 +108,6 @@ class FrameFeed:
             if not self._source.info.live:
                 raise
             self._fault = str(fault)
-            log.warning("%s", fault)
             return self._bring_back()
         return False
 

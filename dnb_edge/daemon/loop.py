@@ -7,6 +7,7 @@ loop in the caller's thread.
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections.abc import Sequence
@@ -45,7 +46,8 @@ class Race:
     stop: threading.Event
     laps: int = 0
     _last_t_ns: int | None = None
-    _known_warnings: tuple[str, ...] = ()
+    _told_fault: str | None = None
+    _known_warnings: frozenset[str] = frozenset()
 
     def run(self) -> RunSummary:
         """Races until the source ends, the wanted laps are complete or `stop` is set; returns the summary so far.
@@ -56,8 +58,9 @@ class Race:
             frame = self.feed.take(TICK_S)
             if frame is not None:
                 self._race(frame)
-            elif self.feed.fault is not None:
-                self._warn((self.feed.fault,))
+            elif self.feed.fault != self._told_fault:
+                # No frame comes that could make the next one due.
+                self._tell(self._health())
             self.notifier.feed(progressed=frame is not None or self.feed.fault is not None)
         for event in self.core.finish():
             self._tell(event)
@@ -97,17 +100,20 @@ class Race:
             sink.event(event)
 
     def _health(self) -> Health:
-        warnings = tuple(warning for sink in self.sinks for warning in sink.warnings)
+        self._told_fault = self.feed.fault
+        faults = () if self._told_fault is None else (self._told_fault,)
+        warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
         health = self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings)
         self._warn(health.warnings)
         return health
 
     def _warn(self, warnings: tuple[str, ...]) -> None:
-        """Says each warning once, when it appears."""
-        for warning in warnings:
-            if warning not in self._known_warnings:
+        """Says each warning once, when it appears; counts in it may grow. A failed recording is the run's error at its end."""
+        kinds = {re.sub(r"\d+", "#", warning): warning for warning in warnings}
+        for kind, warning in kinds.items():
+            if kind not in self._known_warnings and not warning.startswith("recording failed"):
                 log.warning("%s", warning)
-        self._known_warnings = warnings
+        self._known_warnings = frozenset(kinds)
 
     def _display(self) -> str:
         statuses = {display.status for display in self.displays}

@@ -29,18 +29,19 @@ class Meter:
     _last: Frame | None = None
     _period_t_ns: int = 0
     _period_frames: int = 0
+    """Frames after the one that began the period."""
     _latencies_ms: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
         """Counts one frame that is raced, and those that the source lost before it."""
-        if self._first_t_ns is None:
+        if self._last is None:
             self._first_t_ns = self._period_t_ns = frame.t_ns
-        elif self._last is not None:
+        else:
             # After a camera came back its counter starts anew: no gap can be told from it.
             self.dropped_frames += max(0, frame.sequence - self._last.sequence - 1)
+            self._period_frames += 1
         self._last = frame
         self.frames += 1
-        self._period_frames += 1
 
     def observed(self, observations: list[Observation]) -> None:
         """Counts the frames in which the car was found."""
