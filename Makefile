@@ -42,7 +42,7 @@ lint: .venv/.test-installed ## Style, format, types and the direction of imports
 	$(call say,mypy)
 	@$(BIN)/mypy
 	$(call say,lint-imports)
-	@$(BIN)/lint-imports
+	@$(BIN)/lint-imports --no-logo
 
 format: .venv/.test-installed ## Format the code and mend what ruff can mend
 	@$(BIN)/ruff check --fix .
