@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -15,8 +15,6 @@ from rich.table import Table
 from dnb_edge.cli.output import write_whole
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.errors import InputError
-from dnb_edge.report.calibration import error_by_count_picture
-from dnb_edge.report.picture import PictureFormat
 from dnb_edge.view.homography import CalibrationError, CountError, calibration_error, error_by_count
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
 
@@ -51,12 +49,18 @@ def keypoints(
     error = calibration_error(pairs, metres_per_px=metres_per_px)
     by_count = error_by_count(pairs)
     if plot is not None:
-        form: PictureFormat = "svg" if plot.suffix.lower() == ".svg" else "png"
-        write_whole(plot, error_by_count_picture(by_count, picture_format=form))
+        _draw(plot, by_count)
     if as_json:
         typer.echo(json.dumps(_facts(pairs, error, by_count)))
     else:
         _print(pairs, error, by_count)
+
+
+def _draw(plot: Path, by_count: tuple[CountError, ...]) -> None:
+    from dnb_edge.report.calibration import error_by_count_picture  # noqa: PLC0415 Matplotlib is slow to import
+
+    form: Literal["png", "svg"] = "svg" if plot.suffix.lower() == ".svg" else "png"
+    write_whole(plot, error_by_count_picture(by_count, picture_format=form))
 
 
 def _load(camera: Path | None, twin: Path | None, pairs_path: Path | None) -> KeypointPairs:

@@ -16,7 +16,6 @@ from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
 from dnb_edge.errors import InputError
 from dnb_edge.record.durable import PART_SUFFIX
-from dnb_edge.report.html import write_report
 from dnb_edge.report.run import RunResult
 from dnb_edge.report.table import as_csv, as_json_lines, as_text, entry_rows
 from dnb_edge.values import Lap, RunSummary
@@ -82,6 +81,8 @@ def report(
 
 def make_report(run: Path, out: Path | None) -> Path:
     """Writes the report of the recording `run` into `out`, by default beside it; returns the report's path."""
+    from dnb_edge.report.html import write_report  # noqa: PLC0415 Matplotlib is slow to import
+
     return write_report(replay(run).result(), out if out is not None else run.parent)
 
 
