@@ -32,6 +32,7 @@ class MotionSettings:
     confirm_travel_m: float = 0.08
     """Distance from its first to its latest observation that a target must have moved before it is confirmed."""
     tentative_lost_after_s: float = 0.2
+    """Time unseen after which a target that was never confirmed is forgotten."""
     coasting_lost_after_s: float = 0.7
     """Time unseen after which a confirmed target is lost."""
     strayed_lost_after_s: float = 2.0

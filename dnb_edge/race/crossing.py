@@ -37,7 +37,7 @@ class CrossingSettings:
 
     def __post_init__(self) -> None:
         if not self.hysteresis_m > 0 or not self.fit_half_s > 0 or not self.gap_s > 0:
-            raise ValueError("race: hysteresis_m, fit_half_s and gap_s must be positive")
+            raise ValueError("crossing: hysteresis_m, fit_half_s and gap_s must be positive")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

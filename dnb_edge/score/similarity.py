@@ -29,6 +29,7 @@ class ScoreSettings:
     """How a lap's path becomes a percentage."""
 
     metric: Metric = Metric.DTW
+    """Which distance the percentage is made of: `dtw` or `frechet`."""
     points: int = 500
     """Number of points to which lap and route are resampled by arc length; at least 2."""
     clamp_m: float | None = None
