@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from dnb_edge.cli.output import write_whole
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.errors import InputError
+from dnb_edge.report.files import write_whole
 from dnb_edge.view.homography import CalibrationError, CountError, calibration_error, error_by_count
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
 

@@ -83,7 +83,7 @@ def make_report(run: Path, out: Path | None) -> Path:
     """Writes the report of the recording `run` into `out`, by default beside it; returns the report's path."""
     from dnb_edge.report.html import write_report  # noqa: PLC0415 Matplotlib is slow to import
 
-    return write_report(replay(run).result(), out if out is not None else run.parent)
+    return write_report(replay(run).result(), out if out is not None else run.parent, file_name=f"{run.stem}.html")
 
 
 def _results(runs: list[Path]) -> list[RunResult]:

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import typer
 
-from dnb_edge.cli.output import write_whole
 from dnb_edge.errors import InputError
+from dnb_edge.report.files import write_whole
 from dnb_edge.track.build import TrackSettings, build_route, track_from_route
 from dnb_edge.track.model import Track
 from dnb_edge.track.overlay import draw_track

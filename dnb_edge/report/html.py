@@ -1,24 +1,23 @@
 """The report of a run: one HTML file that holds everything it shows and asks no other machine for anything.
 
-Knows the page's parts and how to write a file so that nobody ever sees half of one. Whatever came from a user or a file
+Knows the page's parts. Whatever came from a user or a file
 is escaped here, in one place (`_text`). Knows no recording and no device.
 """
 
 from __future__ import annotations
 
 import base64
-import errno
 import html
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from string import Template
 from typing import Any
 
-from dnb_edge.errors import InputError, WorkError
+from dnb_edge.errors import InputError
 from dnb_edge.report import plots
+from dnb_edge.report.files import write_whole
 from dnb_edge.report.run import RunResult
 from dnb_edge.report.table import entry_rows, printable
 from dnb_edge.values import Lap, Score
@@ -55,21 +54,12 @@ def write_report(result: RunResult, directory: Path, *, file_name: str = FILE_NA
     `WorkError` where writing fails (a full disk).
     """
     path = directory / file_name
-    partial = path.with_name(f".{file_name}.{os.getpid()}.part")
     page = render(result).encode()
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        try:
-            with partial.open("wb") as stream:
-                stream.write(page)
-                stream.flush()
-                os.fsync(stream.fileno())
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
     except OSError as error:
-        kind = WorkError if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO) else InputError
-        raise kind(f"{path}: the report cannot be written: {error.strerror}") from error
+        raise InputError(f"{directory}: the report cannot be written there: {error.strerror}") from error
+    write_whole(path, page)
     return path
 
 

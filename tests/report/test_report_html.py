@@ -133,7 +133,7 @@ def test_the_report_appears_whole_under_its_name(tmp_path: Path, result: Callabl
 def test_a_folder_that_cannot_be_is_the_callers_mistake(tmp_path: Path, result: Callable[..., RunResult]) -> None:
     """A file where the folder should be: one line that names it."""
     (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match=r"taken/report\.html: the report cannot be written"):
+    with pytest.raises(InputError, match=r"taken: the report cannot be written there"):
         write_report(result(), tmp_path / "taken")
 
 

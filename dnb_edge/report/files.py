@@ -1,7 +1,8 @@
-"""Files that a command writes: whole under their name, or not at all."""
+"""Files that a person asks for: whole under their name, or not at all."""
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from dnb_edge.errors import InputError, WorkError
 def write_whole(path: Path, data: bytes) -> None:
     """Writes `data` to `path` through a neighbour that takes its name at the end, so nobody ever sees half of it.
 
-    Raises `InputError` where the directory is missing or `path` is one, `WorkError` where the disk refuses.
+    Raises `InputError` where the directory cannot be used or `path` is one, `WorkError` where the disk refuses.
     """
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no directory {path.parent}: make it first")
@@ -28,4 +29,5 @@ def write_whole(path: Path, data: bytes) -> None:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise WorkError(f"{path}: cannot write it: {error.strerror or error}") from error
+        kind = WorkError if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO) else InputError
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
