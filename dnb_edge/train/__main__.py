@@ -34,8 +34,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for samples, checkpoints and the model")
     parser.add_argument("--name", default="dnb-edge-centre-v1")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--iterations", type=int, default=7000)
-    parser.add_argument("--shards", type=int, default=240, help=f"files of {SHARD_SAMPLES} samples each")
+    parser.add_argument("--iterations", type=int, default=11500)
+    parser.add_argument("--shards", type=int, default=120, help=f"files of {SHARD_SAMPLES} samples each")
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--held-out", type=int, default=400, help="samples to measure on")
     parser.add_argument(

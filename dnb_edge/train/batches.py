@@ -41,7 +41,7 @@ def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
     return np.asarray(cv2.absdiff(image, background).max(axis=2), dtype=np.uint8)
 
 
-def _window_transform(labels: FloatImage, rng: Rng) -> NDArray[np.float64]:
+def _window_transform(labels: FloatImage, rng: Rng, *, upright: bool) -> NDArray[np.float64]:
     """A (2, 3) affine map from sample px to window px: scale, quarter turn or mirror, and a place that mostly shows a car."""
     scale = float(np.exp(rng.uniform(math.log(_LEAST_SCALE), math.log(1.4))))
     cars = labels[(labels[:, 2] > 0) & (labels[:, 5] > 0)]
@@ -59,7 +59,8 @@ def _window_transform(labels: FloatImage, rng: Rng) -> NDArray[np.float64]:
     if 2 * half < SCENE_PX:
         centre = np.clip(centre, half, SCENE_PX - half)
     mirror = -1.0 if rng.random() < 0.5 else 1.0
-    turn = int(rng.choice([0, 0, 0, 0, 1, 2, 3])) * math.pi / 2 + float(rng.normal(0, 0.1))
+    quarters = int(rng.choice([0, 0, 0, 0, 1, 2, 3]))
+    turn = (0 if upright and rng.random() < 0.93 else quarters) * math.pi / 2 + float(rng.normal(0, 0.1))
     linear = (
         scale * np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([mirror, 1.0])
     )
@@ -147,10 +148,14 @@ def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDA
 
 
 def make_window(
-    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng
+    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng, *, upright: bool = False
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One input (160, 160, 4) and its targets from a sample's pictures (2, 224, 224, 3) and labels (k, 6)."""
-    transform = _window_transform(labels, rng)
+    """One input (160, 160, 4) and its targets from a sample's pictures (2, 224, 224, 3) and labels (k, 6).
+
+    `upright` leaves out most quarter turns: a camera that hangs the right way up is the rule, and then what stands on the floor
+    leans up in the picture, which is what tells the ground point from the body's middle.
+    """
+    transform = _window_transform(labels, rng, upright=upright)
     size = (WINDOW_PX, WINDOW_PX)
     warped = cv2.warpAffine(pictures[0], transform, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     image: NDArray[np.uint8] = np.asarray(warped, dtype=np.uint8)
@@ -159,7 +164,9 @@ def make_window(
     return window, targets_for(moved_labels(labels, transform))
 
 
-def make_batch(pictures: list[NDArray[np.uint8]], labels: list[FloatImage], rng: Rng) -> Batch:
-    """A batch from as many samples."""
-    made = [make_window(picture, label, rng) for picture, label in zip(pictures, labels, strict=True)]
+def make_batch(
+    pictures: list[NDArray[np.uint8]], labels: list[FloatImage], rng: Rng, *, upright: bool = False
+) -> Batch:
+    """A batch from as many samples; `upright` as in `make_window`."""
+    made = [make_window(picture, label, rng, upright=upright) for picture, label in zip(pictures, labels, strict=True)]
     return Batch(inputs=np.stack([window for window, _ in made]), targets=np.stack([target for _, target in made]))

@@ -33,10 +33,12 @@ class Schedule:
     warm_up: int = 200
     decay_from: float = 0.6
     """Share of the iterations after which the rate, constant until then, falls in a straight line."""
-    shards: int = 240
+    shards: int = 120
     first_shards: int = 16
     """Shards in use from the start; one more is added every `iterations_per_shard`."""
     iterations_per_shard: int = 14
+    upright_from: int = 4500
+    """Iteration from which most windows keep the right way up; before it cars are seen from all sides alike."""
     ema: float = 0.999
 
 
@@ -58,7 +60,7 @@ class ShardReader:
             self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels))
         return self._open[number]
 
-    def batch(self, allowed: range, size: int, rng: np.random.Generator) -> Batch:
+    def batch(self, allowed: range, size: int, rng: np.random.Generator, *, upright: bool = False) -> Batch:
         """A batch of windows from random samples of the `allowed` shards."""
         pictures, labels = [], []
         for _ in range(size):
@@ -66,7 +68,7 @@ class ShardReader:
             row = int(rng.integers(len(shard[1])))
             pictures.append(np.asarray(shard[0][row]))
             labels.append(shard[1][row])
-        return make_batch(pictures, labels, rng)
+        return make_batch(pictures, labels, rng, upright=upright)
 
 
 def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
@@ -160,7 +162,8 @@ def train(
 
     def batch_for(step: int) -> Batch:
         count = min(schedule.shards, schedule.first_shards + step // schedule.iterations_per_shard)
-        return reader.batch(range(count), schedule.batch, np.random.default_rng([seed, 2**31, step]))
+        rng = np.random.default_rng([seed, 2**31, step])
+        return reader.batch(range(count), schedule.batch, rng, upright=step >= schedule.upright_from)
 
     network.train()
     with ThreadPoolExecutor(1) as ahead:
