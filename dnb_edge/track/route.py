@@ -26,6 +26,8 @@ _THIN_SIDE_PX = 900
 """Longest side of the picture that is thinned; the edges are sought at full size all the same."""
 _WIDEST = 1.3
 """A half-width beyond this many usual ones belongs to a junction's mouth, not to the lane."""
+_WIDER = 1.15
+"""Up to this many usual half-widths the middle between both edges is the lane's; narrower places are lane as well."""
 _MOST_POINTS = 1500
 
 
@@ -143,7 +145,7 @@ def _edges_across(mask: Mask, points: Points, reach_px: float) -> tuple[Floats, 
 def _middles(points: Points, left: Floats, right: Floats, usual_px: float) -> tuple[Points, Floats, float]:
     """Where the lane's middle lies by its edges (n, 2), how far to trust each (n,), and the usual half-width.
 
-    Between two edges a usual width apart it lies halfway; where one side opens into a junction the nearer edge guides,
+    Between two edges no wider apart than usual it lies halfway; where one side opens into a junction the nearer edge guides,
     at the usual half-width; where neither serves the weight is almost nothing and the smoothing carries the line on.
     """
     half = (left + right) / 2
@@ -151,9 +153,9 @@ def _middles(points: Points, left: Floats, right: Floats, usual_px: float) -> tu
     plain = inside & (half < _WIDEST * usual_px)
     if plain.any():
         usual_px = float(np.median(half[plain]))
-    between = inside & (abs(half / usual_px - 1) < 0.2)
+    between = inside & (half < _WIDER * usual_px)
     nearer = np.minimum(left, right)
-    guided = inside & ~between & (nearer < 1.8 * usual_px) & (half > usual_px)
+    guided = inside & ~between & (nearer < _WIDEST * usual_px)
     towards_left = np.where(left < right, left - usual_px, usual_px - right)
     shift = np.where(between, (left - right) / 2, np.where(guided, towards_left, 0.0))
     weights = np.where(between, 1.0, np.where(guided, 0.3, 1e-3))

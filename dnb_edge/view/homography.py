@@ -20,7 +20,6 @@ from dnb_edge.view.ground import GroundMap, Matrix3
 from dnb_edge.view.keypoints import KeypointPairs
 
 _FEWEST = 4
-_WORST_CONDITION = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +69,7 @@ def fit_homography(pairs: KeypointPairs) -> Matrix3:
     matrix = _fit(pairs.camera_array(), pairs.twin_array())
     fault = f"{pairs.source}: no homography fits the keypoints"
     remedy = "check that each camera point has its own twin point, in the same order"
-    if matrix is None or _is_degenerate(matrix, pairs):
+    if matrix is None:
         raise InputError(f"{fault}: {remedy}, and spread over the whole track")
     depth = _homogeneous(matrix, pairs.camera_array())[:, 2]
     if not (np.all(depth > 0) or np.all(depth < 0)):
@@ -144,20 +143,6 @@ def _fit(camera_px: Points, twin_px: Points) -> NDArray[np.float64] | None:
     if matrix is None or matrix.shape != (3, 3) or not np.isfinite(matrix).all():
         return None
     return np.asarray(matrix, dtype=np.float64)
-
-
-def _is_degenerate(matrix: NDArray[np.float64], pairs: KeypointPairs) -> bool:
-    """Whether the matrix folds the floor to a line or a point."""
-    # Both sides are brought to unit size about their middle first, so the condition speaks of points and not of pixels.
-    camera, twin = _to_unit(pairs.camera_array()), _to_unit(pairs.twin_array())
-    return bool(np.linalg.cond(twin @ matrix @ np.linalg.inv(camera)) > _WORST_CONDITION)
-
-
-def _to_unit(points: Points) -> NDArray[np.float64]:
-    """The similarity (3, 3) that brings the points' mean to the origin and their spread to one."""
-    u, v = points.mean(axis=0)
-    k = 1.0 / float(points.std())
-    return np.array([[k, 0.0, -k * u], [0.0, k, -k * v], [0.0, 0.0, 1.0]])
 
 
 def _homogeneous(matrix: NDArray[np.float64], points: Points) -> NDArray[np.float64]:

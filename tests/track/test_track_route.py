@@ -77,6 +77,37 @@ def test_the_default_route_is_the_outer_loop_and_passes_forks_straight():
     assert max(route.half_left_px.max(), route.half_right_px.max()) <= 1.3 * 17
 
 
+def merging(x, radius, half):
+    """A lane that leaves the outer loop's round corner at a slant, wider or narrower than the loop."""
+    mask = canvas()
+    stroke(mask, rounded(40, 40, 360, 360, radius))
+    stroke(mask, np.array([[x, 60.0], [x, 360.0]]), closed=False, half=half)
+    return mask
+
+
+@pytest.mark.parametrize("half", [16, 24, 30])
+@pytest.mark.parametrize(("x", "radius"), [(110, 150), (120, 150), (120, 180), (150, 100)])
+def test_a_lane_that_merges_at_a_slant_leaves_no_bulge(x, radius, half):
+    """The paper's own hard fork: a wide lane off the outside of a bend pulls the route by a quarter of a half-width."""
+    drawn = rounded(40, 40, 360, 360, radius)
+    dense = np.vstack([drawn + (np.roll(drawn, -1, axis=0) - drawn) * k / 20 for k in range(20)])
+    assert nearest(find_route(merging(x, radius, half), source="fork").points_px, dense).max() < HALF_WIDTH / 4
+
+
+def test_a_narrow_place_is_lane_like_any_other():
+    """Where the lane narrows to half on a bend, the route stays in its middle and the half-widths say so."""
+    mask = canvas()
+    points = circle((200, 200), 130, 360)
+    stroke(mask, points)
+    narrow = np.zeros_like(mask)
+    stroke(narrow, points, half=HALF_WIDTH * 0.6)
+    mask[:, 240:] = narrow[:, 240:]
+    route = find_route(mask, source="narrow")
+    assert abs(np.hypot(*(route.points_px - 200).T) - 130).max() < 1.0
+    right = route.points_px[:, 0] > 250
+    assert np.median(route.half_left_px[right]) == pytest.approx(HALF_WIDTH * 0.6, abs=0.7)
+
+
 @pytest.mark.parametrize(
     ("waypoints", "passes", "avoids"),
     [

@@ -30,6 +30,15 @@ def test_any_colour_finds_its_lane(hue, saturation, value):
     assert np.array_equal(lane_mask(filled((blue, green, red), lane), colour, source="x", close_gap_px=2), lane)
 
 
+@pytest.mark.parametrize(("seen", "given"), [(5, 355), (355, 5), (0, 360), (359, 1), (180, 190)])
+def test_hues_are_near_round_the_circle(seen, given):
+    """Five degrees and 355 degrees are ten degrees apart."""
+    red, green, blue = (round(255 * x) for x in colorsys.hsv_to_rgb(seen / 360, 0.8, 0.8))
+    lane = np.ones((9, 9), dtype=bool)
+    colour = LaneColour(hue_deg=given, saturation_percent=80, value_percent=80)
+    assert lane_mask(filled((blue, green, red), lane), colour, source="x", close_gap_px=2).all()
+
+
 @pytest.mark.parametrize(
     ("bgr", "hsv"), [((128, 128, 128), (0, 0, 50)), ((10, 10, 10), (200, 40, 5)), ((70, 64, 66), (90, 5, 27))]
 )
@@ -64,9 +73,11 @@ def test_specks_go_and_pinholes_close():
     """Stray pieces and small holes are drawing, large holes are the infield."""
     mask = ring()
     spotted = mask.copy()
-    spotted[5:9, 5:9] = True
-    spotted[68:72, 198:202] = False
+    spotted[5:10, 5:10] = True
+    spotted[66:74, 196:204] = False
     found = lane_mask(painted(spotted), PINK, source="x", close_gap_px=3)
+    assert not found[7, 7]
+    assert found[66:74, 196:204].all()
     assert np.count_nonzero(found ^ mask) < 0.002 * mask.sum()
     assert not found[200, 200]
 

@@ -13,11 +13,13 @@ from dnb_edge.view.keypoints import KeypointPairs
 WIDTH, HEIGHT = 1280, 720
 SCALE = TwinScale(metres_per_px=0.002, height_px=1000)
 
-# A camera 1,000 twin px up that looks 40 degrees down: twin px -> camera px, f = 900 px.
+# A camera 1,000 twin px up that looks 40 degrees down, turned 15 degrees: twin px -> camera px, f = 900 px.
 _DOWN = np.radians(40)
+_TURN = np.radians(15)
 _TWIN_TO_CAMERA = (
     np.array([[900.0, 0, 639.5], [0, 900, 359.5], [0, 0, 1]])
     @ np.array([[1, 0, 0], [0, np.sin(_DOWN), np.cos(_DOWN)], [0, -np.cos(_DOWN), np.sin(_DOWN)]])
+    @ np.array([[np.cos(_TURN), -np.sin(_TURN), 0], [np.sin(_TURN), np.cos(_TURN), 0], [0, 0, 1]])
     @ np.array([[1, 0, -500.0], [0, 1, -1700], [0, 0, 1000]])
 )
 TWIN = np.array([[0.0, 0], [1000, 0], [1000, 1000], [0, 1000], [500, 500], [200, 700], [850, 300]])
