@@ -58,7 +58,7 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
     """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
     track = make_track(config.track)
     pairs = load_pairs(config.view)
-    width_px, height_px = config.view.image_size_px or (info.width_px, info.height_px)
+    width_px, height_px = config.view.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
     ground = fit_ground_map(pairs, track.scale, width_px=width_px, height_px=height_px)
     error = calibration_error(pairs, metres_per_px=track.scale.metres_per_px)
     limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
