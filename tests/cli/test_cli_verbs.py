@@ -1,0 +1,54 @@
+"""Every verb explains itself."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from edge_command import edge
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from dnb_edge import __version__
+from dnb_edge.cli.main import app
+
+
+def verbs(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The words of every command and every group of commands."""
+    yield path
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from verbs(inner, (*path, name))
+
+
+VERBS = list(verbs(get_command(app)))
+
+
+def test_the_verbs_are_those_of_the_contract() -> None:
+    """None of the verbs that scripts know has gone."""
+    contract = {
+        ("demo",), ("run",), ("score",), ("table",), ("report",), ("bench",), ("track", "build"), ("track", "show"),
+        ("calibrate", "keypoints"), ("runs", "list"), ("runs", "recover"), ("runs", "export"), ("config", "show"),
+        ("config", "check"), ("config", "schema"),
+    }  # fmt: skip
+    assert contract <= set(VERBS)
+
+
+@pytest.mark.parametrize("words", VERBS, ids=lambda words: " ".join(words) or "dnb-edge")
+def test_help_explains_verb_and_options(words: tuple[str, ...]) -> None:
+    """`--help` works for each, with a sentence on what it does and one for each of its options."""
+    helped = CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"}).invoke(app, [*words, "--help"])
+    assert helped.exit_code == 0
+    assert re.search(r"^ *Usage: .*" + " ".join(words), helped.stdout, re.MULTILINE)
+    assert re.search(r"^ +[A-Z].*\.\s*$", helped.stdout, re.MULTILINE)
+    command = get_command(app)
+    for word in words:
+        command = command.commands[word]
+    assert [option.name for option in command.params if not getattr(option, "help", None)] == []
+
+
+def test_the_command_says_its_version_and_without_words_its_help() -> None:
+    """`--version` prints one line; the bare command prints its verbs and is a wrong command line."""
+    assert edge("--version").out == f"dnb-edge {__version__}\n"
+    bare = edge()
+    assert bare.code == 2
+    assert "demo" in bare.out + bare.err
