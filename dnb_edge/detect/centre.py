@@ -42,6 +42,8 @@ class CentreDetectorSettings:
     most_detections: int = 12
     close_looks: int = 4
     """At most as many candidates are looked at closely in a whole-frame pass."""
+    one_scale_share: float = 0.85
+    """Confidence left to something still that was found in a close look and not in the whole frame."""
     moving_level: int = 22
     """Difference from the background, 0..255, that counts as moved."""
     moving_share: float = 0.25
@@ -117,6 +119,7 @@ class CentreDetector:
         if background is None:
             return []
         coarse = self._detections(whole_pixels(reduced, background), whole, settings.acquire_confidence)
+        at_whole = tuple(coarse)
         tiles = tile_looks(
             whole.width_px, whole.height_px, fine_width_px=settings.fine_width_px, tile_px=settings.tile_px
         )
@@ -128,9 +131,16 @@ class CentreDetector:
         for candidate in candidates:
             look = self._window(candidate.camera_px, candidate.length_px)
             close.extend(self._look(image, look, whole.scale, settings.acquire_confidence))
+        close = [self._weighed(found, at_whole) for found in close]
         seen = [(candidate.camera_px, candidate.length_px) for candidate in candidates]
         unseen = [found for found in coarse if all(math.dist(found.camera_px, at) > length for at, length in seen)]
         return [*close, *(replace(found, confidence=found.confidence * 0.8) for found in unseen)]
+
+    def _weighed(self, found: Detection, at_whole: Sequence[Detection]) -> Detection:
+        """A still find is less sure where the whole frame did not show it too: small things look like cars from near."""
+        agreed = any(math.dist(found.camera_px, other.camera_px) < 0.5 * other.length_px for other in at_whole)
+        share = 1.0 if agreed or found.moving else self._settings.one_scale_share
+        return replace(found, confidence=found.confidence * share)
 
     def _look(self, image: BgrImage, look: Look, background_scale: float, least: float) -> list[Detection]:
         background = self._background.picture
