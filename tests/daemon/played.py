@@ -75,7 +75,11 @@ class Camera:
         self.info = info(live=True)
         self._shots: queue.SimpleQueue[Frame | Exception | None] = queue.SimpleQueue()
         self.given = 0
-        self.closed = False
+        self.closings = 0
+
+    @property
+    def closed(self) -> bool:
+        return self.closings > 0
 
     def shoot(self, *frames: Frame) -> None:
         for one in frames:
@@ -92,7 +96,7 @@ class Camera:
             self.given += 1
 
     def close(self) -> None:
-        self.closed = True
+        self.closings += 1
         self._shots.put(None)
 
 

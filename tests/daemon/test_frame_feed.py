@@ -135,13 +135,13 @@ def test_a_camera_that_comes_back_too_late_is_closed(monkeypatch: pytest.MonkeyP
         assert go_on.wait(PATIENCE_S)
         return late
 
-    feed = FrameFeed(camera, reopen)
-    with feed:
-        camera.unplug()
-        assert opening.wait(PATIENCE_S)
-        closer = threading.Thread(target=feed.close)
-        closer.start()
-        wait_until(feed._stop.is_set)
-        go_on.set()
-        closer.join()
-    wait_until(lambda: late.closed)
+    feed = FrameFeed(camera, reopen).__enter__()
+    camera.unplug()
+    assert opening.wait(PATIENCE_S)
+    closer = threading.Thread(target=feed.close)
+    closer.start()
+    # It has closed the old camera a second time, and waits for the thread that is opening the new one.
+    wait_until(lambda: camera.closings == 2)
+    go_on.set()
+    closer.join()
+    assert late.closed
