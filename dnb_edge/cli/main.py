@@ -7,7 +7,6 @@ that we foresee is one line on stderr.
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from typing import Annotated
 
@@ -51,20 +50,16 @@ def options(
 
 
 def main() -> None:
-    """Entry point of the command: runs the verb and exits with its code. Typer itself answers wrong options, with code 2."""
+    """Entry point of the command: runs the verb and exits with its code.
+
+    Typer itself answers wrong options (code 2), Ctrl-C where no verb does (130) and a reader of stdout that went away (1).
+    """
     logging.basicConfig(level=logging.WARNING, format="dnb-edge: %(message)s", stream=sys.stderr)
     try:
         app()
     except DnbEdgeError as error:
         _say(str(error))
         sys.exit(2 if isinstance(error, InputError) else 1)
-    except KeyboardInterrupt:
-        _say("interrupted")
-        sys.exit(1)
-    except BrokenPipeError:
-        # Whoever read our output has gone; keep Python from complaining about it once more at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
 
 
 def _say(text: str) -> None:
