@@ -80,5 +80,5 @@ class Background:
 
 def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
     """Largest absolute difference over blue, green and red, shape (h, w), of two pictures of one size."""
-    apart = cv2.absdiff(image, background)
-    return np.asarray(cv2.max(cv2.max(apart[:, :, 0], apart[:, :, 1]), apart[:, :, 2]), dtype=np.uint8)
+    blue, green, red = cv2.split(cv2.absdiff(image, background))
+    return np.asarray(cv2.max(cv2.max(blue, green), red), dtype=np.uint8)

@@ -150,6 +150,13 @@ def _padded(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.copyMakeBorder(pixels, 0, below, 0, right, cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
+def _stacked(part: BgrImage, moved: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colour and difference as four channels; several times faster than numpy's own stacking."""
+    out = np.empty((*part.shape[:2], 4), dtype=np.uint8)
+    cv2.mixChannels([part, moved], [out], [0, 0, 1, 1, 2, 2, 3, 3])
+    return out
+
+
 def reduce_frame(image: BgrImage, look: Look) -> BgrImage:
     """The whole frame at the working size."""
     return _cut(image, look)
@@ -157,9 +164,9 @@ def reduce_frame(image: BgrImage, look: Look) -> BgrImage:
 
 def whole_pixels(reduced: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
     """The network's input (h, w, 4), sides padded to multiples of 16, of a reduced frame and the background of its size."""
-    return _padded(np.dstack([reduced, difference(reduced, background)]))
+    return _padded(_stacked(reduced, difference(reduced, background)))
 
 
 def look_pixels(image: BgrImage, background: BgrImage, look: Look, background_scale: float) -> NDArray[np.uint8]:
     """The network's input (h, w, 4), sides padded to multiples of 16, for one look."""
-    return _padded(np.dstack([_cut(image, look), _difference_cut(image, background, look, background_scale)]))
+    return _padded(_stacked(_cut(image, look), _difference_cut(image, background, look, background_scale)))

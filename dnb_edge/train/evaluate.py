@@ -140,9 +140,14 @@ def follow_clip(
 
 
 def clip_truth(path: Path) -> list[tuple[float, float]]:
-    """Ground points, camera px, of each frame of a truth file."""
-    truth = json.loads(path.read_text(encoding="utf-8"))
-    return [(float(frame["camera"][0]), float(frame["camera"][1])) for frame in truth["frames"]]
+    """Ground points, camera px, of each frame of a truth file. Raises InputError where it is missing or of another form."""
+    try:
+        truth = json.loads(path.read_text(encoding="utf-8"))
+        return [(float(frame["camera"][0]), float(frame["camera"][1])) for frame in truth["frames"]]
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as fault:
+        raise InputError(
+            f"{path}: no truth with frames[i].camera can be read ({fault}); put it beside the clip"
+        ) from fault
 
 
 def find_in_photo(network: CentreNetwork, photo: BgrImage) -> tuple[Detection, ...]:
@@ -161,9 +166,12 @@ def _note(network: CentreNetwork, given: argparse.Namespace, figures: dict[str, 
     write_card(given.model, network.card)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the figures of a model on a labelled clip or on a photograph."""
-    parser = argparse.ArgumentParser(prog="python -m dnb_edge.train.evaluate", description=main.__doc__)
+def run(arguments: Sequence[str] | None = None) -> None:
+    """Print the figures of a model on a labelled clip or on a photograph. Raises InputError."""
+    parser = argparse.ArgumentParser(
+        prog="python -m dnb_edge.train.evaluate",
+        description="Print the figures of a model on a labelled clip or on a photograph.",
+    )
     parser.add_argument("--model", type=Path, default=default_model_path())
     parser.add_argument("--clip", type=Path, help="a clip with NAME.truth.json beside it")
     parser.add_argument("--photo", type=Path)
@@ -186,6 +194,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.into_card:
         _note(network, given, out)
     sys.stdout.write(json.dumps(out) + "\n")
+
+
+def main() -> None:
+    """The command: exit code 2 for wrong input."""
+    try:
+        run()
+    except InputError as fault:
+        sys.stderr.write(f"{fault}\n")
+        sys.exit(2)
 
 
 if __name__ == "__main__":
