@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dnb_edge.train.cars import any_colour, dark
+from dnb_edge.train.car_parts import any_colour, dark
 from dnb_edge.train.solids import Colour, Solid, box, prism, rod, turned
 
 Rng = np.random.Generator

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.train.camera import View
-from dnb_edge.train.cars import any_colour
+from dnb_edge.train.car_parts import any_colour
 from dnb_edge.values import BgrImage
 
 Rng = np.random.Generator
