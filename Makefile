@@ -32,7 +32,7 @@ demo: .venv/.demo-installed ## A simulated race: live board, recording and repor
 
 test: lint ## All checks: lint, then the tests on two cores
 	$(call say,pytest)
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 --dist loadgroup $(PYTEST_FLAGS)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 $(PYTEST_FLAGS)
 
 lint: .venv/.test-installed ## Style, format, types and the direction of imports
 	$(call say,ruff check)

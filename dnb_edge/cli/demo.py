@@ -15,7 +15,7 @@ from dnb_edge.config.load import load_config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
-from dnb_edge.errors import WorkError
+from dnb_edge.report.files import write_whole
 from dnb_edge.sim.files import DemoFiles, demo_files
 from dnb_edge.sim.rig import Rig
 
@@ -61,10 +61,7 @@ def write_demo_config(directory: Path, rig: Rig) -> Path:
     path = directory / CONFIG_NAME
     text = "# Written by `dnb-edge demo`: what a configuration of your own track looks like.\n"
     text += yaml.safe_dump(_config(files), sort_keys=False)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise WorkError(f"{path}: cannot write the demo's configuration ({error.strerror})") from error
+    write_whole(path, text.encode())
     return path
 
 

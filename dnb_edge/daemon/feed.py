@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -37,6 +38,8 @@ class FrameFeed:
         self._ended = False
         self._failure: BaseException | None = None
         self._fault: str | None = None
+        self._sequence: int | None = None
+        self._renumber_by = 0
         self._thread = threading.Thread(target=self._run, name="capture", daemon=True)
 
     def __enter__(self) -> Self:
@@ -101,7 +104,7 @@ class FrameFeed:
         try:
             for frame in self._source.frames():
                 self._fault = None
-                self._put(frame)
+                self._put(self._numbered(frame))
                 if self._stop.is_set():
                     return False
         except TemporaryFault as fault:
@@ -123,6 +126,13 @@ class FrameFeed:
             else:
                 return True
         return False
+
+    def _numbered(self, frame: Frame) -> Frame:
+        """`frame` with its number going on where the camera left off, if that has begun anew since it came back."""
+        if self._sequence is not None and frame.sequence + self._renumber_by <= self._sequence:
+            self._renumber_by = self._sequence + 1 - frame.sequence
+        self._sequence = frame.sequence + self._renumber_by
+        return frame if self._renumber_by == 0 else replace(frame, sequence=self._sequence)
 
     def _put(self, frame: Frame) -> None:
         with self._changed:

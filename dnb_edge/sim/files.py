@@ -5,13 +5,14 @@ Knows which files and numbers a configuration needs. Knows no configuration form
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from dnb_edge.errors import WorkError
+from dnb_edge.errors import InputError, WorkError
 from dnb_edge.sim.circuit import LANE_HSV, LANE_WIDTH_M, METRES_PER_PX
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import PointPx
@@ -44,7 +45,7 @@ class DemoFiles:
 def demo_files(directory: Path, rig: Rig) -> DemoFiles:
     """Write the twin and the keypoints of `rig` into `directory` (made where it is missing).
 
-    Raises `WorkError` where they cannot be written.
+    Raises `InputError` where that directory cannot be used, `WorkError` where the disk refuses.
     """
     camera_px, twin_px = rig.keypoint_pairs()
     start_line = rig.start_line_px
@@ -70,5 +71,6 @@ def demo_files(directory: Path, rig: Rig) -> DemoFiles:
         np.save(files.camera_keypoints, camera_px)
         np.save(files.twin_keypoints, twin_px)
     except OSError as error:
-        raise WorkError(f"{directory}: cannot write the demo's files ({error.strerror})") from error
+        kind = WorkError if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO) else InputError
+        raise kind(f"{directory}: cannot write the demo's files there: {error.strerror}") from error
     return files

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dnb_edge.errors import WorkError
+from dnb_edge.errors import InputError
 from dnb_edge.sim.circuit import LANE_HSV, TWIN_SCALE
 from dnb_edge.sim.files import demo_files
 from dnb_edge.sim.rig import Rig, floor_to_camera_px
@@ -127,10 +127,10 @@ def test_the_lane_has_its_colour_on_the_twin(rig):
     assert (hue, 100 * saturation, 100 * value) == pytest.approx(LANE_HSV, abs=1.0)
 
 
-def test_files_that_cannot_be_written_are_a_failure_of_work(rig, tmp_path):
+def test_a_directory_that_cannot_be_is_the_callers_mistake(rig, tmp_path):
     """A folder that cannot be made is named in one line."""
     (tmp_path / "taken").write_text("a file")
-    with pytest.raises(WorkError, match="taken"):
+    with pytest.raises(InputError, match="taken"):
         demo_files(tmp_path / "taken", rig)
 
 
