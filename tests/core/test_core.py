@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.race.laps import LapRules
+from dnb_edge.track.line import line_across
 from dnb_edge.values import Crossing, Direction, Event, FrameDetections, Lap, Observation, PointM, Score
 
 OMEGA = 1.3
@@ -243,6 +245,39 @@ def test_windows_lie_where_the_car_will_be() -> None:
         windows = core.windows(then.t_ns)
     (window,) = windows
     assert math.dist(window.camera_px, then.detections[0].camera_px) < 3.0
+
+
+def test_a_crossing_is_told_although_the_car_is_not_seen_again() -> None:
+    """A car that vanishes just beyond the line has crossed it; the news waits for frames, not for the car."""
+    true_s = -START_RAD / OMEGA
+    core = Core(circle_setup())
+    told_s = [
+        found.t_ns * 1e-9
+        for found in frames(lambda t: steady(t) if t < true_s + 0.12 else None, seconds=3)
+        for event in core.step(found)
+        if isinstance(event, Crossing)
+    ]
+    assert len(told_s) == 1
+    assert told_s[0] < true_s + 0.3
+
+
+def test_sector_lines_are_crossed_and_make_no_laps() -> None:
+    """Each line is told by its name; only the start line ends laps."""
+    track = circle_track()
+    sector = line_across(track.centreline, math.pi, name="half way", margin_m=0.05)
+    events = race(circle_setup(track=replace(track, sector_lines=(sector,))), steady, seconds=11)
+    assert [crossing.line for crossing in crossings_of(events)] == ["start", "half way", "start", "half way", "start"]
+    assert len(laps_of(events)) == 2
+
+
+def test_windows_grow_with_the_car() -> None:
+    """As the car comes nearer its window's length follows what the detector says."""
+    core = Core(circle_setup())
+    for found in frames(steady, seconds=2):
+        longer = tuple(replace(one, length_px=40.0 + found.sequence) for one in found.detections)
+        core.step(replace(found, detections=longer))
+    (window,) = core.windows(2_000_000_000)
+    assert window.length_px == pytest.approx(99.0, abs=4.0)
 
 
 def test_a_second_car_like_thing_does_not_take_the_race_over() -> None:

@@ -91,6 +91,13 @@ def test_only_one_car_is_confirmed() -> None:
     assert sorted(target.state for target in history[-1]) == [TargetState.CONFIRMED, TargetState.TENTATIVE]
 
 
+def test_two_detections_of_the_same_car_are_one_target() -> None:
+    """A second detection within a car's length of the followed car starts no target."""
+    frames = moving(0, 9) | {k: [moving(k, k)[k][0], (moving(k, k)[k][0][0] + 0.1, 0.0)] for k in range(10, 20)}
+    _, history = follow(frames, 19)
+    assert [len(targets) for targets in history] == [1] * 20
+
+
 def test_a_target_that_strays_from_the_lane_is_given_up() -> None:
     """Somebody who walks away over the lane is not followed through the room."""
     follower = Follower(MotionSettings())
