@@ -35,6 +35,7 @@ from dnb_edge.record.header import RunHeader, software_versions
 from dnb_edge.record.reader import iter_frames, read_run
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.build import TrackSettings, build_track
+from dnb_edge.track.file import load_track
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import LaneColour, load_twin
@@ -83,25 +84,32 @@ def settings_of(kind: Callable[..., T], section: BaseModel) -> T:
 
 
 def make_track(config: TrackConfig) -> Track:
-    """The track that the configuration describes. Raises `InputError` naming the twin's file."""
+    """The track that the configuration describes. Raises `InputError` naming the twin's or the track's file."""
+    if config.file is not None:
+        return load_track(config.file)
+    assert config.image is not None, "the schema wants it"
+    assert config.lane_hsv is not None, "the schema wants it"
     image = load_twin(config.image)
-    if config.metres_per_px is not None:
-        metres_per_px = config.metres_per_px
-    else:
-        measured = config.measured
-        assert measured is not None, "the schema wants one of the two"
-        metres_per_px = TwinScale.from_measured_length(
-            from_px=measured.from_px, to_px=measured.to_px, length_m=measured.length_m, height_px=float(image.shape[0])
-        ).metres_per_px
     hue_deg, saturation_percent, value_percent = config.lane_hsv
     settings = TrackSettings(
         name=config.name,
         lane_colour=LaneColour(hue_deg=hue_deg, saturation_percent=saturation_percent, value_percent=value_percent),
-        metres_per_px=metres_per_px,
+        metres_per_px=_metres_per_px(config, height_px=float(image.shape[0])),
         start_line_px=config.start_line_px,
+        sector_lines_px=config.sector_lines_px,
         waypoints_px=config.waypoints_px,
     )
     return build_track(image, settings, source=str(config.image))
+
+
+def _metres_per_px(config: TrackConfig, *, height_px: float) -> float:
+    if config.metres_per_px is not None:
+        return config.metres_per_px
+    measured = config.measured
+    assert measured is not None, "the schema wants one of the two"
+    return TwinScale.from_measured_length(
+        from_px=measured.from_px, to_px=measured.to_px, length_m=measured.length_m, height_px=height_px
+    ).metres_per_px
 
 
 def load_pairs(config: ViewConfig) -> KeypointPairs:
@@ -169,7 +177,7 @@ def _inputs(config: Config) -> list[Path]:
     """The files that decide what the run measures."""
     view = config.view
     model = config.detector.model if config.detector.model is not None else default_model_path()
-    paths = (config.track.image, view.keypoints, view.keypoints_camera, view.keypoints_twin, model)
+    paths = (config.track.file, config.track.image, view.keypoints, view.keypoints_camera, view.keypoints_twin, model)
     return [path for path in paths if path is not None]
 
 

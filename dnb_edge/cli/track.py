@@ -14,7 +14,7 @@ import typer
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
 from dnb_edge.track.build import TrackSettings, build_route, track_from_route
-from dnb_edge.track.model import Track
+from dnb_edge.track.file import load_track, track_file
 from dnb_edge.track.overlay import draw_track
 from dnb_edge.track.route import Route
 from dnb_edge.track.scale import TwinScale
@@ -22,9 +22,6 @@ from dnb_edge.track.twin import LaneColour, load_twin
 from dnb_edge.values import BgrImage
 
 app = typer.Typer(help="Build a track from its twin's picture, and draw one.", no_args_is_help=True)
-
-FILE_FORMAT = "dnb-edge track"
-FILE_VERSION = 1
 
 
 @app.command("build")
@@ -100,31 +97,6 @@ def show(
     write_whole(overlay, _png(draw_track(picture, track)))
     line = track.centreline
     typer.echo(f"{track.name}: {line.length_m:.3f} m, {len(line.points_m)} points; picture: {overlay}")
-
-
-def track_file(track: Track) -> bytes:
-    """The track file's bytes."""
-    document = {"format": FILE_FORMAT, "version": FILE_VERSION, "track": track.to_dict()}
-    return (json.dumps(document, allow_nan=False) + "\n").encode()
-
-
-def load_track(path: Path) -> Track:
-    """The track in the file `path`. Raises `InputError` where it is missing, damaged or no track file."""
-    try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the track file ({error.strerror}): check the path") from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a track file: make one with `dnb-edge track build --out`") from error
-    if not isinstance(document, dict) or document.get("format") != FILE_FORMAT:
-        raise InputError(f"{path}: not a track file: make one with `dnb-edge track build --out`")
-    if document.get("version") != FILE_VERSION or not isinstance(document.get("track"), dict):
-        raise InputError(f"{path}: a track file of version {document.get('version')!r}, known is {FILE_VERSION}: "
-                         "build it anew with `dnb-edge track build`")  # fmt: skip
-    try:
-        return Track.from_dict(document["track"])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _check_scale_options(length_m: float | None, measured: str | None, metres_per_px: float | None) -> None:

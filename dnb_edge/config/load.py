@@ -6,6 +6,7 @@ Knows YAML and the command line's `--set`; knows nothing of what the values are 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,6 +16,15 @@ from pydantic import ValidationError
 
 from dnb_edge.config.schema import CommandLineText, Config
 from dnb_edge.errors import InputError
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader, with 1e-3 a number as in YAML 1.2 and as anybody expects."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+)
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -58,11 +68,11 @@ def check_config(
 def _parse(path: Path, text: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """The file's data and the line of every key."""
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        node = yaml.compose(text, Loader=_Loader)
         lines: dict[KeyPath, int] = {}
         if node is not None:
             _note_lines(path, node, (), lines)
-        data = yaml.safe_load(text)
+        data = yaml.load(text, Loader=_Loader)  # noqa: S506 a safe loader
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
@@ -93,7 +103,7 @@ def _override(data: dict[str, Any], override: str) -> KeyPath:
     if not equals or not all(path):
         raise InputError(f"--set {override}: must have the form key.path=value, such as race.laps=3")
     try:
-        value = yaml.safe_load(text)
+        value = yaml.load(text, Loader=_Loader)  # noqa: S506 a safe loader
     except yaml.YAMLError as error:
         raise InputError(f"--set {override}: the value is not valid YAML") from error
     here = data

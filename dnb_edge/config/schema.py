@@ -51,6 +51,11 @@ DataPath = Annotated[Path, BeforeValidator(_resolve_data)]
 
 Positive = Annotated[Number, Field(gt=0)]
 Pixel = tuple[Number, Number]
+LaneHsv = tuple[
+    Annotated[Number, Field(ge=0, le=360)],
+    Annotated[Number, Field(ge=0, le=100)],
+    Annotated[Number, Field(ge=0, le=100)],
+]
 
 
 class _Section(BaseModel):
@@ -69,17 +74,15 @@ class MeasuredLength(_Section):
 
 
 class TrackConfig(_Section):
-    """The digital twin and the route on it."""
+    """The route: from the twin's picture, or from a track file that was made of one."""
 
     name: str = "track"
     """What the track is called in results."""
-    image: DataPath
+    file: DataPath | None = None
+    """A track file that `dnb-edge track build --out` wrote, instead of everything below."""
+    image: DataPath | None = None
     """The twin: a picture of the track from above with the lane in one colour."""
-    lane_hsv: tuple[
-        Annotated[Number, Field(ge=0, le=360)],
-        Annotated[Number, Field(ge=0, le=100)],
-        Annotated[Number, Field(ge=0, le=100)],
-    ]
+    lane_hsv: LaneHsv | None = None
     """Colour of the lane: hue in degrees, saturation and value in percent."""
     measured: MeasuredLength | None = None
     """One measured length, which fixes the scale."""
@@ -87,13 +90,24 @@ class TrackConfig(_Section):
     """The scale directly, metres per twin px, where it is known."""
     waypoints_px: tuple[Pixel, ...] = ()
     """Points on the lane that the route passes, twin px; none for the outer loop."""
-    start_line_px: tuple[Pixel, Pixel]
+    start_line_px: tuple[Pixel, Pixel] | None = None
     """The start line from -> to, twin px. Standing at `from` and looking to `to`, cars drive to the left."""
-    start_line_margin_m: Annotated[Number, Field(ge=0)] = 0.0
-    """Unused length beyond both ends of the start line that also counts as the line, metres."""
+    sector_lines_px: tuple[tuple[Pixel, Pixel], ...] = ()
+    """More lines whose crossings are told, twin px."""
 
     @model_validator(mode="after")
-    def _one_scale(self) -> Self:
+    def _one_form(self) -> Self:
+        needed = {"image": self.image, "lane_hsv": self.lane_hsv, "start_line_px": self.start_line_px}
+        if self.file is not None:
+            given = [name for name, value in needed.items() if value is not None]
+            if given:
+                raise ValueError(f"give file or {given[0]}, not both")
+            return self
+        missing = [name for name, value in needed.items() if value is None]
+        if missing:
+            raise ValueError(
+                f"{missing[0]} is missing: add it (a track needs {', '.join(needed)} and a scale, or a file)"
+            )
         if (self.measured is None) == (self.metres_per_px is None):
             raise ValueError("give either measured (from_px, to_px, length_m) or metres_per_px")
         return self

@@ -67,7 +67,13 @@ def test_paths_set_on_the_command_line_are_relative_to_the_working_directory(
 
 @pytest.mark.parametrize(
     ("override", "value"),
-    [("race.laps=7", 7), ("race.laps=null", None), ("score.clamp_m=0.3", 0.3), ("score.metric=frechet", "frechet")],
+    [
+        ("race.laps=7", 7),
+        ("race.laps=null", None),
+        ("score.clamp_m=0.3", 0.3),
+        ("score.clamp_m=3e-1", 0.3),
+        ("score.metric=frechet", "frechet"),
+    ],
 )
 def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, value: object) -> None:
     """`--set` wins over the file, with YAML's own types."""
@@ -88,8 +94,9 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
             "  lane_hsv: [400, 23, 84]",
             "line 4: track.lane_hsv.0: input should be less than",
         ),
-        ("  lane_hsv: [330, 23, 84]\n", "", "line 2: track.lane_hsv: is missing"),
+        ("  lane_hsv: [330, 23, 84]\n", "", "line 2: track: lane_hsv is missing"),
         ("  metres_per_px: 0.001\n", "", "line 2: track: give either measured"),
+        ("track:", "track:\n  file: a.json", "line 2: track: give file or image, not both"),
         ("  keypoints_twin: b.npy\n", "", "line 7: view: give keypoints_camera and keypoints_twin"),
         ("  metres_per_px: 0.001", "  metres_per_px: .inf", "line 5: track.metres_per_px: input should be"),
         ("race:\n", "race:\n  laps: 4\n", "line 12: race.laps is given twice"),

@@ -9,7 +9,7 @@ import pytest
 from twin_pictures import SIZE, painted, ring, theta
 
 from dnb_edge.cli.main import main
-from dnb_edge.cli.track import load_track
+from dnb_edge.track.file import load_track
 
 PINK = ("--lane-hsv", "330,23,84")
 
