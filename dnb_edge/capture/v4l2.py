@@ -48,9 +48,9 @@ class V4l2Source:
         self.damaged_frames = 0
         """Frames dropped because the driver or their size says that they are damaged."""
         self._device = open_device(path)
+        self._capture = linux.VideoCapture(self._device, size=settings.buffers, buffer_type=linux.MemoryMap)
         try:
             self._format = configure(self._device, path, settings)
-            self._capture = linux.VideoCapture(self._device, size=settings.buffers, buffer_type=linux.MemoryMap)
             self._capture.open()
             self.info = SourceInfo(
                 uri=uri,
@@ -62,10 +62,10 @@ class V4l2Source:
                 camera_id=camera_id(path, self._device),
             )
         except OSError as error:
-            self._device.close()
+            self._let_go()
             raise refusal(path, error) from error
         except InputError:
-            self._device.close()
+            self._let_go()
             raise
         self._wake_read, self._wake_write = os.pipe()
 
@@ -93,13 +93,22 @@ class V4l2Source:
             try:
                 self._capture.close()
             except OSError as error:
-                # An unplugged camera cannot be told to stop; closing its file below frees all there is.
+                # An unplugged camera cannot be told to stop; letting go of it below frees all there is.
                 if error.errno not in _GONE:
                     raise
             finally:
-                self._device.close()
+                self._let_go()
                 os.close(self._wake_read)
                 os.close(self._wake_write)
+
+    def _let_go(self) -> None:
+        """Unmap the buffers that linuxpy has left, and close the device's file."""
+        # Each mapping holds the device open by itself: the kernel would keep the node's number for the camera that has
+        # gone, and give the same camera another one when it comes back.
+        memory = self._capture.buffer
+        for mapped in (memory.buffers or ()) if memory is not None else ():
+            mapped.close()
+        self._device.close()
 
     def _wait(self) -> bool:
         """Block until a frame is ready; False after `close`."""

@@ -138,9 +138,12 @@ def _set_rate(device: linux.Device, fps: float) -> float | None:
 def _set_controls(device: linux.Device, path: Path, controls: dict[str, int]) -> None:
     for name, value in controls.items():
         try:
-            device.controls[name].value = value
+            control = device.controls[name]
+            # Out of range is an error: linuxpy would quietly take the nearest value that the camera has.
+            control.clipping = False
+            control.value = value
         except KeyError as error:
             known = sorted(c.config_name for c in device.controls.values())
             raise InputError(f"{path}: the camera has no control {name!r}: it has {', '.join(known)}") from error
-        except (AttributeError, OSError) as error:
+        except (AttributeError, ValueError, OSError) as error:
             raise InputError(f"{path}: control {name!r} cannot be set to {value} ({error})") from error

@@ -15,18 +15,22 @@ from pathlib import Path
 from linuxpy.video import raw
 
 MONOTONIC, START_OF_EXPOSURE, ERROR = 0x2000, 0x10000, 0x40
+BRIGHTNESS = 0x00980900
 IOC = raw.IOC
 
 
 class KernelCamera:
     """One camera that answers linuxpy's ioctls. `finish` completes the next buffer."""
 
-    def __init__(self, *, formats=("YUYV", "MJPG"), size=(64, 48), caps=0x04000001, busy_at=None, rates=True):
+    def __init__(
+        self, *, formats=("YUYV", "MJPG"), size=(64, 48), caps=0x04000001, busy_at=None, rates=True, brightness=None
+    ):
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.path = Path(os.ttyname(slave))
         self._slave = slave
         self.formats, self.size, self.caps, self.busy_at, self.rates = formats, size, caps, busy_at, rates
+        self.brightness = brightness
         self.granted = formats[0] if formats else "YUYV"
         self.buffers: list[mmap.mmap] = []
         self.queued: deque[int] = deque()
@@ -114,7 +118,13 @@ class KernelCamera:
         buffer.timestamp.secs, buffer.timestamp.usecs = divmod(t_us, 1_000_000)
 
     def _query_ext_ctrl(self, fd, control):
-        raise OSError(errno.EINVAL, "no controls")
+        if self.brightness is None or control.id & 0x0FFFFFFF >= BRIGHTNESS:
+            raise OSError(errno.EINVAL, "no more controls")
+        control.id, control.type, control.name = BRIGHTNESS, raw.CtrlType.INTEGER, b"Brightness"
+        control.minimum, control.maximum, control.step = 0, 255, 1
+
+    def _s_ext_ctrls(self, fd, controls):
+        self.brightness = controls.controls[0].value
 
     def _streamon(self, fd, kind):
         self.streaming = True

@@ -171,6 +171,8 @@ def test_an_unplugged_camera_is_a_temporary_fault(play_camera):
         next(source.frames())
     source.close()
     source.close()
+    # A mapping that stays holds the node: the camera would come back under another number.
+    assert [mapped.closed for mapped in camera.buffers] == [True] * 4
 
 
 def test_a_silent_camera_is_a_temporary_fault(play_camera):
@@ -222,6 +224,11 @@ def test_a_raw_camera_gives_pictures(play_camera):
         ({}, CaptureSettings(), "64x48"),
         ({}, CaptureSettings(width_px=64, height_px=48, pixel_format="YU12"), "YU12"),
         ({}, CaptureSettings(width_px=64, height_px=48, controls={"focus": 3}), "focus"),
+        (
+            {"brightness": 9},
+            CaptureSettings(width_px=64, height_px=48, controls={"brightness": 256}),
+            "brightness.*256",
+        ),
     ],
 )
 def test_cameras_that_cannot_do_as_asked_are_refused(play_camera, played, settings, words):
@@ -230,6 +237,14 @@ def test_cameras_that_cannot_do_as_asked_are_refused(play_camera, played, settin
     with pytest.raises(InputError, match=words) as caught:
         open_source(f"v4l2:{camera.path}", settings)
     assert str(camera.path) in str(caught.value)
+    assert all(mapped.closed for mapped in camera.buffers)
+
+
+def test_controls_are_set_before_the_first_frame(play_camera):
+    """A control named as linuxpy does, with a value that the camera has, reaches the driver."""
+    camera = play_camera(brightness=9)
+    open_source(f"v4l2:{camera.path}", CaptureSettings(width_px=64, height_px=48, controls={"brightness": 255})).close()
+    assert camera.brightness == 255
 
 
 def wait_for(condition) -> None:
