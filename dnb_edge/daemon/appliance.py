@@ -5,6 +5,7 @@ Opens what the run needs in the right order and closes it in the reverse one, wh
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 from collections.abc import Iterator, Sequence
@@ -24,8 +25,11 @@ from dnb_edge.display.base import Display
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.uri import open_display
 from dnb_edge.errors import WorkError
+from dnb_edge.record.recover import Recovery, recover_directory
 from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.values import RunSummary, SourceInfo
+
+log = logging.getLogger(__name__)
 
 FINISH_S = 4.0
 """Longest wait for the disk at the end; the service manager allows a little more."""
@@ -98,8 +102,18 @@ def _start_recorder(config: Config, assembly: Assembly, info: SourceInfo, direct
     directory = directory if directory is not None else config.record.directory
     if directory is None:
         return None
+    _recover(directory)
     settings = RecordingSettings(directory=directory, image_fps=config.record.image_fps or None, lossless=not info.live)
     return Recorder(settings, make_header(config, assembly, info), make_scene(assembly.setup))
+
+
+def _recover(directory: Path) -> None:
+    """Brings back what an earlier run left unfinished when its power went, before a new one is begun beside it."""
+    for result in recover_directory(directory) if directory.is_dir() else ():
+        if isinstance(result, Recovery):
+            log.warning("recovered %s from an earlier run: %d laps", result.path, result.laps)
+        else:
+            log.warning("not recovered: %s", result.reason)
 
 
 def _finish(recorder: Recorder | None) -> tuple[str | None, WorkError | None]:

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 from edge_command import COMMAND, PATIENCE_S, Running, edge, environment
 from mcap.reader import make_reader
+
+from dnb_edge.record.reader import read_run
 
 STOP_WITHIN_S = 5.0
 """What the service promises its manager."""
@@ -50,6 +53,37 @@ def test_a_signal_finishes_the_recording(
     assert again.out.splitlines() == [line for line in ran.out.splitlines() if json.loads(line)["event"] in kinds]
     assert end["laps"] == len(ran.of("lap"))
     assert len(ran.of("crossing")) == end["laps"] + 1
+
+
+def test_what_a_killed_run_had_saved_comes_back_with_the_next_run(config: Path, tmp_path: Path) -> None:
+    """After SIGKILL the next run says that it recovered the laps that were saved; they are those that were shown."""
+    words = ("run", "--config", config, "--source", "sim:?laps=30", "--record", tmp_path / "runs", "--json")
+    with Running(*words, err=tmp_path / "err") as running:
+        running.read_until("lap")
+        # The lap was handed to the disk before it was shown; give the disk its time, as a power cut may not.
+        wait_until_saved(tmp_path / "runs")
+        running.process.kill()
+        shown = running.ended(STOP_WITHIN_S).of("lap")
+    (part,) = (tmp_path / "runs").glob("*.part")
+    again = edge(*words[:-3], "--record", tmp_path / "runs", "--json", "--laps", 1)
+    recovered = part.with_suffix("")
+    assert again.code == 0
+    assert again.complaint().startswith(f"dnb-edge: recovered {recovered} from an earlier run: ")
+    assert not part.exists()
+    kept = edge("score", recovered, "--json").of("lap")
+    assert kept
+    # On a slow machine more laps than the first may have been driven before the kill; none may differ.
+    both = min(len(kept), len(shown))
+    assert kept[:both] == shown[:both]
+
+
+def wait_until_saved(directory: Path) -> None:
+    """Until the recording in `directory` holds a lap on the disk."""
+    (part,) = directory.glob("*.part")
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not read_run(part, tolerate_damage=True).counts.get("/lap"):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
 
 
 def test_a_signal_before_the_first_lap_ends_the_demo_too(tmp_path: Path) -> None:
