@@ -16,6 +16,7 @@ from typing import Annotated
 import yaml
 from pydantic import BaseModel, Field, ValidationError
 
+from dnb_edge.config.load import ConfigLoader
 from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 from dnb_edge.view.keypoints import KeypointPairs
@@ -41,7 +42,7 @@ class _File(BaseModel):
 def load_yaml_pairs(path: Path) -> KeypointPairs:
     """The pairs in the YAML file `path`. Raises `InputError` naming the file, and the line or key at fault."""
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=ConfigLoader)  # noqa: S506 a safe loader
     except OSError as error:
         raise InputError(f"{path}: cannot read the keypoints ({error.strerror}): check the path") from error
     except UnicodeDecodeError as error:
@@ -50,6 +51,8 @@ def load_yaml_pairs(path: Path) -> KeypointPairs:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
         raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
+    except (TypeError, RecursionError) as error:
+        raise InputError(f"{path}: not plain YAML: {error}; {_FORM}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path}: no keypoints in it: {_FORM}")
     try:

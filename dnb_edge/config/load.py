@@ -18,15 +18,23 @@ from dnb_edge.config.schema import CommandLineText, Config
 from dnb_edge.errors import InputError
 
 
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader, with 1e-3 a number as in YAML 1.2 and as anybody expects."""
+class ConfigLoader(yaml.SafeLoader):
+    """PyYAML's safe loader as in YAML 1.2 and as anybody expects: 1e-3 is a number, and a date is text."""
 
 
-_Loader.add_implicit_resolver(
+# Replaced, not changed: the list is PyYAML's own and shared with its other loaders.
+ConfigLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+ConfigLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 
 KeyPath: TypeAlias = tuple[str | int, ...]
+
+DEEPEST = 20
+"""Levels of nesting that a configuration may have."""
 
 
 def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
@@ -68,11 +76,11 @@ def check_config(
 def _parse(path: Path, text: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """The file's data and the line of every key."""
     try:
-        node = yaml.compose(text, Loader=_Loader)
+        node = yaml.compose(text, Loader=ConfigLoader)
         lines: dict[KeyPath, int] = {}
         if node is not None:
             _note_lines(path, node, (), lines)
-        data = yaml.load(text, Loader=_Loader)  # noqa: S506 a safe loader
+        data = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
@@ -83,8 +91,12 @@ def _parse(path: Path, text: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
 
 
 def _note_lines(path: Path, node: yaml.Node, at: KeyPath, lines: dict[KeyPath, int]) -> None:
+    if len(at) > DEEPEST:
+        raise InputError(f"{path}, line {node.start_mark.line + 1}: nested too deeply, or within itself")
     if isinstance(node, yaml.MappingNode):
         for key, value in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise InputError(f"{path}, line {key.start_mark.line + 1}: a key must be a word")
             here = (*at, key.value)
             if here in lines:
                 raise InputError(f"{path}, line {key.start_mark.line + 1}: {_dotted(here)} is given twice")
@@ -103,7 +115,7 @@ def _override(data: dict[str, Any], override: str) -> KeyPath:
     if not equals or not all(path):
         raise InputError(f"--set {override}: must have the form key.path=value, such as race.laps=3")
     try:
-        value = yaml.load(text, Loader=_Loader)  # noqa: S506 a safe loader
+        value = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
     except yaml.YAMLError as error:
         raise InputError(f"--set {override}: the value is not valid YAML") from error
     here = data

@@ -13,6 +13,9 @@ from dataclasses import dataclass, replace
 from dnb_edge.motion import kalman
 from dnb_edge.values import Observation, Target, TargetState
 
+PENDING_KEPT = 300
+"""Observations kept of a car that waits to be confirmed: ten seconds, so that one that is parked for hours costs nothing."""
+
 MAX_CARS = 1
 """Greatest number of confirmed targets at a time: a run is one car's attempt."""
 
@@ -63,7 +66,7 @@ class Followed:
     length_px: float
     """Smoothed apparent length, camera px."""
     pending: tuple[Observation, ...]
-    """Observations from before the confirmation; empty afterwards."""
+    """The last `PENDING_KEPT` observations from before the confirmation; empty afterwards."""
     observations: int = 1
 
     def as_value(self, t_s: float) -> Target:
@@ -140,7 +143,7 @@ class Follower:
             last=tagged,
             on_lane_t_ns=observation.t_ns if on_lane else target.on_lane_t_ns,
             length_px=0.7 * target.length_px + 0.3 * observation.length_px,
-            pending=(*target.pending, tagged) if state is TargetState.TENTATIVE else (),
+            pending=(*target.pending[1 - PENDING_KEPT :], tagged) if state is TargetState.TENTATIVE else (),
             observations=target.observations + 1,
         )
 

@@ -18,9 +18,6 @@ from dnb_edge.race.fix import Fix
 from dnb_edge.track.line import DirectedLine
 from dnb_edge.values import Crossing, Direction, PointM
 
-KEPT_FIXES = 1000
-"""Fixes kept of a car that stands on the line."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossingSettings:
@@ -40,45 +37,57 @@ class CrossingSettings:
             raise ValueError("crossing: hysteresis_m, fit_half_s and gap_s must be positive")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Pending:
-    """A crossing that has happened and whose fit still waits for observations."""
+@dataclass(slots=True, kw_only=True)
+class _Passage:
+    """The way through the line between two neighbouring fixes, with the fixes round it as far as the fit reaches."""
 
     before: Fix
     after: Fix
     direction: Direction
+    reach_ns: float
+    """How far before `before` and after `after` the fit reaches."""
+    fixes: list[Fix]
 
 
 class LineWatch:
-    """Watches one line. Feed it every fix in order, and `tick` in frames without one; it returns confirmed crossings."""
+    """Watches one line. Feed it every fix in order, and `tick` in frames without one; it returns confirmed crossings.
+
+    A passage through the line is noted at once, with the fixes round it; it becomes a crossing once the car is beyond the
+    hysteresis on that side, however long it takes its time about it.
+    """
 
     def __init__(self, line: DirectedLine, settings: CrossingSettings) -> None:
         self._line = line
         self._settings = settings
-        self._recent: deque[Fix] = deque(maxlen=KEPT_FIXES)
+        self._recent: deque[Fix] = deque()
         self._side: Direction | None = None
-        self._pending: _Pending | None = None
+        self._passage: _Passage | None = None
+        self._pending: _Passage | None = None
 
     def feed(self, fix: Fix) -> list[Crossing]:
         """Takes the next fix; returns the crossings that became certain with it."""
         done = self.tick(fix.t_ns)
-        self._recent.append(fix)
+        for passage in (self._passage, self._pending):
+            if passage is not None and fix.t_ns - passage.after.t_ns <= passage.reach_ns:
+                passage.fixes.append(fix)
+        self._note(fix)
         distance_m = self._line.signed_distance(fix.observed_m)
-        if abs(distance_m) >= self._settings.hysteresis_m:
-            side = Direction.FORWARD if distance_m > 0 else Direction.REVERSE
-            if self._side not in (None, side):
-                bracket = self._bracket()
-                if bracket is not None:
-                    done += self.finish()
-                    self._pending = _Pending(before=bracket[0], after=bracket[1], direction=side)
+        side = Direction.FORWARD if distance_m > 0 else Direction.REVERSE
+        if self._side is None:
+            # A car that is first seen just before the line still has to cross it.
             self._side = side
-            self._forget(fix.t_ns)
+        if abs(distance_m) >= self._settings.hysteresis_m:
+            passage, self._passage = self._passage, None
+            if side is not self._side and passage is not None and passage.direction is side:
+                done += self.finish()
+                self._pending = passage
+            self._side = side
         return done
 
     def tick(self, t_ns: int) -> list[Crossing]:
         """Says that time has come to `t_ns`; returns the crossing whose fit waits for nothing more."""
         pending = self._pending
-        waits = pending is not None and t_ns - pending.after.t_ns <= self._fit_half_ns(pending)
+        waits = pending is not None and t_ns - pending.after.t_ns <= pending.reach_ns
         return [] if waits else self.finish()
 
     def finish(self) -> list[Crossing]:
@@ -88,30 +97,33 @@ class LineWatch:
         pending, self._pending = self._pending, None
         return [self._crossing(pending)]
 
-    def _bracket(self) -> tuple[Fix, Fix] | None:
-        """The latest two neighbouring fixes between which the way leads through the line."""
-        recent = list(self._recent)
-        for i in range(len(recent) - 1, 0, -1):
-            if self._line.intersects_segment(recent[i - 1].observed_m, recent[i].observed_m) is not None:
-                return recent[i - 1], recent[i]
-        return None
-
-    def _forget(self, t_ns: int) -> None:
-        """Drops what no fit and no bracket can need: all but a few of the fit's stretches before now."""
-        keep_ns = 10 * self._settings.fit_half_s * 1e9
-        while len(self._recent) > 1 and self._recent[0].t_ns < t_ns - keep_ns:
+    def _note(self, fix: Fix) -> None:
+        """Notes whether the way to `fix` leads through the line, and keeps what a later passage's fit can need."""
+        if self._recent:
+            before = self._recent[-1]
+            if self._line.intersects_segment(before.observed_m, fix.observed_m) is not None:
+                forward = self._line.signed_distance(fix.observed_m) >= 0
+                reach_ns = self._reach_ns(fix.t_ns - before.t_ns)
+                self._passage = _Passage(
+                    before=before,
+                    after=fix,
+                    direction=Direction.FORWARD if forward else Direction.REVERSE,
+                    reach_ns=reach_ns,
+                    fixes=[*(one for one in self._recent if one.t_ns >= before.t_ns - reach_ns), fix],
+                )
+        self._recent.append(fix)
+        while len(self._recent) > 1 and self._recent[0].t_ns < fix.t_ns - 2 * self._settings.fit_half_s * 1e9:
             self._recent.popleft()
 
-    def _crossing(self, pending: _Pending) -> Crossing:
-        before, after = pending.before, pending.after
-        half_ns = self._fit_half_ns(pending)
-        fixes = [
-            fix
-            for fix in self._recent
-            if before.t_ns - half_ns <= fix.t_ns <= after.t_ns + half_ns or fix in (before, after)
-        ]
+    def _reach_ns(self, step_ns: int) -> float:
+        """Reach of the fit before and after the line: at slow frame rates longer, so that it still has a curve to see."""
+        half_ns = self._settings.fit_half_s * 1e9
+        return min(max(half_ns, 2.5 * step_ns), 2 * half_ns)
+
+    def _crossing(self, passage: _Passage) -> Crossing:
+        before, after = passage.before, passage.after
         gap_s = (after.t_ns - before.t_ns) * 1e-9
-        t_ns, sigma_s = self._instant(before, after, fixes)
+        t_ns, sigma_s = self._instant(before, after, passage.fixes)
         share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
         estimated = gap_s > self._settings.gap_s
         spread_s = gap_s / math.sqrt(12.0) if estimated else 0.0
@@ -119,18 +131,12 @@ class LineWatch:
             t_ns=t_ns,
             t_s=before.t_s + (t_ns - before.t_ns) * 1e-9,
             line=self._line.name,
-            direction=pending.direction,
+            direction=passage.direction,
             sigma_s=math.hypot(sigma_s, spread_s, self._settings.stamp_sigma_s),
             track_m=_between(before.observed_m, after.observed_m, share),
             target_id=after.target_id,
             estimated=estimated,
         )
-
-    def _fit_half_ns(self, pending: _Pending) -> float:
-        """Reach of the fit before and after the line: at slow frame rates longer, so that it still has a curve to see."""
-        step_ns = pending.after.t_ns - pending.before.t_ns
-        half_ns = self._settings.fit_half_s * 1e9
-        return min(max(half_ns, 2.5 * step_ns), 2 * half_ns)
 
     def _instant(self, before: Fix, after: Fix, fixes: Sequence[Fix]) -> tuple[int, float]:
         """(t_ns, sigma_s) of the zero of the signed distance, by a weighted polynomial fit round the line."""
@@ -155,7 +161,7 @@ class LineWatch:
 
 
 def _root(coefficients: np.ndarray, bracket_s: float) -> float:
-    """The zero of the polynomial nearest to the middle of the bracket, time counted from there; the bracket's own length
+    """The zero of the polynomial nearest to the middle of the bracket, time counted from there; half the bracket's length
     beyond either end is allowed, since the fit may disagree with single observations. Linear where the parabola fails.
     """
     a, b = float(coefficients[0]), float(coefficients[1])
@@ -168,7 +174,7 @@ def _root(coefficients: np.ndarray, bracket_s: float) -> float:
             # The root that tends to the linear one as c tends to zero, without cancellation.
             q = -(b + math.copysign(math.sqrt(inside), b)) / 2
             root = a / q if q else linear
-    limit = 1.5 * bracket_s
+    limit = bracket_s
     return min(max(root, -limit), limit)
 
 

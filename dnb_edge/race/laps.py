@@ -46,6 +46,13 @@ TRANSITIONS: dict[tuple[LapState, Passing], LapState] = {
 """Every legal step; any other raises `KeyError`."""
 
 
+MOST_ROUTES = 1.5
+"""A lap that drove the route's length more often than this is more than one."""
+
+OUT_LAP_FRAMES = 5000
+"""Frames kept before the first crossing, which may be confirmed long after its instant."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LapRules:
     """What makes a lap, and a valid one."""
@@ -104,9 +111,8 @@ class LapMachine:
         if self._state is LapState.FINISHED:
             return
         self._frames.append(t_ns)
-        if self._state is LapState.OUT_LAP:
-            # Before the first crossing only the last second can matter.
-            self._keep_from(t_ns - 1_000_000_000)
+        if self._state is LapState.OUT_LAP and len(self._frames) > 2 * OUT_LAP_FRAMES:
+            self._keep_from(self._frames[-OUT_LAP_FRAMES])
 
     def fix(self, fix: Fix) -> None:
         """Takes the car's next fix, in the order of stamps."""
@@ -171,6 +177,9 @@ class LapMachine:
         reasons = []
         if gap_s > self._rules.max_gap_s:
             reasons.append(f"the car was not seen for {gap_s:.1f} s (limit {self._rules.max_gap_s:.1f} s)")
+        driven = (fixes[-1].progress_m - fixes[0].progress_m) / self._route_length_m if fixes else 0.0
+        if driven > MOST_ROUTES:
+            reasons.append(f"the car drove {driven:.1f} times round the route: a crossing of the start line was missed")
         off_lane_s = longest_s(fixes, lambda fix: fix.outside_m > self._rules.off_lane_margin_m)
         if off_lane_s > self._rules.off_lane_s:
             furthest_m = max(fix.outside_m for fix in fixes)

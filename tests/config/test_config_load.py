@@ -101,6 +101,9 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
         ("  metres_per_px: 0.001", "  metres_per_px: .inf", "line 5: track.metres_per_px: input should be"),
         ("race:\n", "race:\n  laps: 4\n", "line 12: race.laps is given twice"),
         ("race:", "race: [", "not valid YAML"),
+        ("name: a car", "name: 2024-13-45\ncolour: red", "line 2: colour: unknown key"),
+        ("name: a car", "? [a, b]\n: 1", "line 1: a key must be a word"),
+        ("name: a car", "name: &x [*x]", "nested too deeply, or within itself"),
     ],
 )
 def test_each_mistake_names_file_line_and_key(good: Path, find: str, replace: str, says: str) -> None:

@@ -247,6 +247,22 @@ def test_windows_lie_where_the_car_will_be() -> None:
     assert math.dist(window.camera_px, then.detections[0].camera_px) < 3.0
 
 
+@pytest.mark.parametrize("stop_s", [1.6, 10.0])
+def test_a_stop_just_beyond_the_line_belongs_to_the_lap_that_it_begins(stop_s: float) -> None:
+    """A car that halts 30 mm beyond the start line is in its first lap from there; it was seen all the time."""
+    true_s = -START_RAD / OMEGA
+
+    def halting(t_s: float) -> PointM:
+        driven_s = t_s if t_s < true_s + 0.023 else max(true_s + 0.023, t_s - stop_s)
+        return steady(driven_s)
+
+    lap = laps_of(race(circle_setup(), halting, seconds=7 + stop_s))[0]
+    assert lap.valid, lap.reasons
+    # Only the jerks of its stop and start, which no real car makes, are gated away.
+    assert lap.observed_fraction > 0.9
+    assert lap.time_s == pytest.approx(2 * math.pi / OMEGA + stop_s, abs=0.02)
+
+
 def test_a_crossing_is_told_although_the_car_is_not_seen_again() -> None:
     """A car that vanishes just beyond the line has crossed it; the news waits for frames, not for the car."""
     true_s = -START_RAD / OMEGA

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dnb_edge.motion import kalman
-from dnb_edge.motion.follow import Followed, Follower, MotionSettings
+from dnb_edge.motion.follow import PENDING_KEPT, Followed, Follower, MotionSettings
 from dnb_edge.values import Observation, PointM, TargetState
 
 FRAME_NS = 33_333_333
@@ -60,6 +60,20 @@ def test_what_trembles_on_the_spot_is_never_confirmed() -> None:
     still = {k: [(1 + random.normal(0, 0.01), 1 + random.normal(0, 0.01))] for k in range(300)}
     _, history = follow(still, 299)
     assert {target.state for targets in history for target in targets} <= {TargetState.TENTATIVE, TargetState.LOST}
+
+
+def test_a_car_that_waits_for_hours_costs_no_more_than_one_that_waits_for_seconds() -> None:
+    """What is kept of a parked car is bounded; when it sets off it is confirmed all the same."""
+    follower = Follower(MotionSettings())
+    for k in range(2000):
+        follower.step(k * FRAME_NS, [seen(k, 2.0 * (max(0, k - 1980) * FRAME_NS * 1e-9) ** 2)], [True])
+    (target,) = follower.followed
+    assert target.state is TargetState.CONFIRMED
+    assert target.observations == 2000
+    follower = Follower(MotionSettings())
+    for k in range(2000):
+        follower.step(k * FRAME_NS, [seen(k, 0.0)], [True])
+    assert len(follower.followed[0].pending) == PENDING_KEPT
 
 
 def test_nothing_is_born_beside_the_lane() -> None:

@@ -98,6 +98,37 @@ def test_a_crossing_in_a_gap_is_marked_and_widened() -> None:
     assert abs(crossing.t_s - 1.0) < 0.01
 
 
+@pytest.mark.parametrize("stop_s", [0.3, 1.0, 3.0, 60.0])
+@pytest.mark.parametrize("beyond_m", [0.005, 0.03])
+def test_a_car_that_stops_just_beyond_the_line_crossed_it_when_it_did(stop_s: float, beyond_m: float) -> None:
+    """However long it stands within the hysteresis before it goes on, the instant is that of the passage."""
+
+    def x_m(t_s: float) -> float:
+        return min(t_s - 1.0, beyond_m) if t_s < 1.0 + stop_s else beyond_m + (t_s - 1.0 - stop_s)
+
+    (crossing,) = feed([fix(k / 30, x_m(k / 30)) for k in range(15, round(30 * (3.0 + stop_s)))])
+    assert crossing.t_s == pytest.approx(1.0, abs=0.02)
+    assert not crossing.estimated
+
+
+def test_a_car_that_starts_just_before_the_line_crosses_it() -> None:
+    """A start from within the hysteresis counts: the first fix says on which side the car stands."""
+    (crossing,) = feed([fix(k / 30, -0.03 + max(0.0, k / 30 - 1.0)) for k in range(90)])
+    assert crossing.t_s == pytest.approx(1.03, abs=0.01)
+
+
+def test_the_lines_extension_gives_no_second_crossing_of_an_old_passage() -> None:
+    """A tight circuit round one end of the line: each lap is one crossing, forward, and none beside the line."""
+    omega = 2 * math.pi / 1.2
+    fixes = [
+        fix(k / 60, -0.6 * math.cos(omega * k / 60), 0.7 - 0.6 * math.sin(omega * k / 60))
+        for k in range(round(60 * 5.5))
+    ]
+    crossings = feed(fixes)
+    assert len(crossings) == 5
+    assert {crossing.direction for crossing in crossings} == {Direction.FORWARD}
+
+
 def test_two_observations_are_enough() -> None:
     """With one observation on each side the instant is the straight line's."""
     (crossing,) = feed([fix(0.0, -0.1), fix(0.1, 0.3)])

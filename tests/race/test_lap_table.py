@@ -104,6 +104,17 @@ def test_a_reverse_crossing_changes_nothing() -> None:
     assert driven.lap.start_s == 1.0
 
 
+def test_a_lap_that_went_twice_round_is_not_valid_and_says_so() -> None:
+    """Where a crossing was missed, two laps do not pass for one."""
+    machine = LapMachine(LapRules(), ROUTE_M)
+    machine.crossed(crossing(0.0))
+    drive(machine, 0.1, 20.0, 1.0)
+    driven = machine.crossed(crossing(19.95))
+    assert driven is not None
+    assert not driven.lap.valid
+    assert "a crossing of the start line was missed" in driven.lap.reasons[0]
+
+
 def test_nothing_is_counted_after_the_last_lap() -> None:
     """A finished run stays finished."""
     machine = LapMachine(LapRules(laps=1), ROUTE_M)
