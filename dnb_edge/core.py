@@ -129,7 +129,7 @@ class Core:
             events += seen
             events.append(target.as_value(t_s))
             for observation in seen:
-                # What was seen before the confirmation was filtered in hindsight by nothing: take it as it is.
+                # The filter's estimate is of this frame only; what was seen before the confirmation is taken as observed.
                 now = observation.t_ns == found.t_ns
                 track_m = target.estimate.track_m if now else observation.track_m
                 fixes.append(self._progress.fix(observation, target_id=target.target_id, track_m=track_m))
