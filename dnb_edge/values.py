@@ -116,6 +116,10 @@ class Detection:
     """Direction of travel in the picture, atan2 of (-v, u): 0 to the right, pi/2 up; None where the detector cannot tell."""
     moving: bool = False
     """True where the picture differs from the background at this point."""
+    marker_id: int | None = None
+    """Number of the roof marker that was read; None where there is none or the detector reads none."""
+    colour_bgr: tuple[float, float, float] | None = None
+    """Mean colour of the car's middle, 0..255 each; None where the detector does not tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
