@@ -105,7 +105,8 @@ class Detection:
     """One car-like thing in one frame."""
 
     camera_px: PointPx
-    """The ground-contact point: the centre of the car's footprint on the floor, camera px."""
+    """The ground-contact point: the centre of the car's footprint on the floor, camera px. With `height_m`, the point so
+    far above it."""
     sigma_px: float
     """One standard deviation of `camera_px` along either axis, camera px; positive."""
     length_px: float
@@ -120,6 +121,8 @@ class Detection:
     """Number of the roof marker that was read; None where there is none or the detector reads none."""
     colour_bgr: tuple[float, float, float] | None = None
     """Mean colour of the car's middle, 0..255 each; None where the detector does not tell."""
+    height_m: float = 0.0
+    """How far above the floor the thing seen at `camera_px` is, straight above the ground point (a roof marker); 0: on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

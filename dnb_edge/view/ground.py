@@ -1,7 +1,7 @@
 """Camera pixels to metres on the track plane and back: the homography as the core uses it, on every frame.
 
-Knows one 3x3 matrix, the twin's scale and the size of frame that both are valid for. Knows no keypoints (see
-`homography`), no lens and no height above the floor. Plain floats for single points, numpy for many.
+Knows one 3x3 matrix, the twin's scale, the size of frame that both are valid for and, where `pose` has found it, the
+camera's place. Knows no keypoints (see `homography`) and no lens. Plain floats for single points, numpy for many.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ class GroundMap:
     scale: TwinScale
     width_px: int
     height_px: int
+    camera_m: tuple[float, float, float] | None = None
+    """The optical centre: x and y as track m, z metres above the floor; None where nothing above the floor is looked at."""
 
     def __post_init__(self) -> None:
         """Raises `InputError` where the matrix is not finite or not invertible, or the frame is empty."""
@@ -38,6 +40,8 @@ class GroundMap:
             raise InputError(f"ground map: the homography {self.camera_to_twin} cannot be inverted: calibrate again")
         if self.width_px <= 0 or self.height_px <= 0:
             raise InputError(f"ground map: the frame size {self.width_px}x{self.height_px} is not a picture's")
+        if self.camera_m is not None and not (all(map(math.isfinite, self.camera_m)) and self.camera_m[2] > 0):
+            raise InputError(f"ground map: a camera at {self.camera_m} m is not above the floor: calibrate again")
 
     def point_to_track_m(self, camera_px: PointPx) -> PointM | None:
         """The floor point, track m, seen at one camera px; None at or beyond the horizon."""
@@ -48,6 +52,36 @@ class GroundMap:
             return None
         scale = self.scale.metres_per_px
         return (a * u + b * v + c) / w * scale, (self.scale.height_px - (d * u + e * v + f) / w) * scale
+
+    def point_below_m(self, camera_px: PointPx, height_m: float) -> PointM | None:
+        """The floor point, track m, below what is seen at one camera px, `height_m` above the floor; None at the horizon.
+
+        The pixel's ray meets the floor at p' and the plane at `height_m` at p = c + (1 - h/H) (p' - c), c being the floor
+        point below the camera and H its height. Raises `ValueError` where the camera's place is not known or not higher.
+        """
+        seen_m = self.point_to_track_m(camera_px)
+        if height_m == 0.0 or seen_m is None:
+            return seen_m
+        x, y, _ = self._camera()
+        share = self.share_at(height_m)
+        return x + share * (seen_m[0] - x), y + share * (seen_m[1] - y)
+
+    def share_at(self, height_m: float) -> float:
+        """Length of a step on the plane `height_m` above the floor for one on the floor behind it, 0..1.
+
+        Raises `ValueError` where the camera's place is not known or not above that plane.
+        """
+        if height_m == 0.0:
+            return 1.0
+        _, _, above_m = self._camera()
+        if not height_m < above_m:
+            raise ValueError(f"something {height_m} m above the floor is not below the camera at {above_m} m")
+        return 1.0 - height_m / above_m
+
+    def _camera(self) -> tuple[float, float, float]:
+        if self.camera_m is None:
+            raise ValueError("something above the floor cannot be placed: the camera's place is not known")
+        return self.camera_m
 
     def point_to_camera_px(self, track_m: PointM) -> PointPx | None:
         """The camera px at which one floor point, track m, appears; None for points behind the camera."""
