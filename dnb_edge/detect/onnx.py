@@ -1,4 +1,4 @@
-"""Loads a centre network and runs it: the only place that imports ONNX Runtime.
+"""Loads a centre network, or any other one, and runs it: the only place that imports ONNX Runtime.
 
 Knows files, checksums and tensors; nothing of frames, windows or backgrounds. A model is two files: NAME.onnx and its card
 NAME.json, whose `sha256` must be the model's, since one flipped weight byte loads without an error and answers wrongly.
@@ -132,28 +132,75 @@ def _check_shapes(session: ort.InferenceSession, path: Path) -> None:
         )
 
 
+def _read_model(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as fault:
+        raise InputError(
+            f"{path}: the model cannot be read ({fault.strerror}); give the path of a .onnx file"
+        ) from fault
+
+
+def _session(content: bytes, path: Path, threads: int) -> ort.InferenceSession:
+    try:
+        return ort.InferenceSession(content, session_options(threads), providers=["CPUExecutionProvider"])
+    except _RUNTIME_FAULTS as fault:
+        raise InputError(f"{path}: ONNX Runtime cannot load it ({_first_line(fault)}); choose another model") from fault
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensorInfo:
+    """What a model says of one of its inputs or outputs."""
+
+    name: str
+    shape: tuple[int | str | None, ...]
+    """Sides that are open when the model is loaded are a name or None."""
+    kind: str
+    """ONNX Runtime's name of the type, such as `tensor(float)`."""
+
+
+class OpenModel:
+    """A loaded ONNX file of any kind, whose metadata its user interprets. Not shared between threads."""
+
+    def __init__(self, session: ort.InferenceSession, path: Path) -> None:
+        self._session = session
+        self.path = path
+        self.inputs, self.outputs = (
+            tuple(TensorInfo(name=one.name, shape=tuple(one.shape), kind=one.type) for one in ends)
+            for ends in (session.get_inputs(), session.get_outputs())
+        )
+        self.metadata: dict[str, str] = dict(session.get_modelmeta().custom_metadata_map)
+        """The file's own metadata, as text."""
+
+    def run(self, tensor: NDArray[Any]) -> NDArray[Any]:
+        """The first output for `tensor` as the first input. Raises WorkError where the network fails on it."""
+        try:
+            return np.asarray(self._session.run([self.outputs[0].name], {self.inputs[0].name: tensor})[0])
+        except _RUNTIME_FAULTS as fault:
+            raise WorkError(
+                f"{self.path}: the network failed on an input of shape {tensor.shape}: {_first_line(fault)}"
+            ) from fault
+
+
+def open_model(path: Path, *, threads: int = 1) -> OpenModel:
+    """The ONNX file at `path`, without a card or checksum. Raises InputError where it cannot be read or loaded."""
+    return OpenModel(_session(_read_model(path), path, threads), path)
+
+
 def load_model(path: Path, *, threads: int = 1) -> CentreNetwork:
     """The network in `path`, after its checksum has been compared with the card beside it.
 
     Raises InputError, naming the file and what to do, for a missing or unreadable model or card, a wrong or missing checksum,
     and a network of other inputs or outputs.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as fault:
-        raise InputError(
-            f"{path}: the model cannot be read ({fault.strerror}); give the path of a .onnx file"
-        ) from fault
+    content = _read_model(path)
     card = _read_card(path)
     found = hashlib.sha256(content).hexdigest()
     if found != card["sha256"].lower():
         raise InputError(
             f"{path}: damaged: its SHA-256 begins {found[:12]}, its card says {card['sha256'][:12]}; install the model again"
         )
-    try:
-        session = ort.InferenceSession(content, session_options(threads), providers=["CPUExecutionProvider"])
-    except _RUNTIME_FAULTS as fault:
-        raise InputError(f"{path}: ONNX Runtime cannot load it ({_first_line(fault)}); choose another model") from fault
+    session = _session(content, path, threads)
     _check_shapes(session, path)
     return CentreNetwork(session, card)
 
