@@ -1,11 +1,13 @@
-"""Solids made of flat faces: boxes, prisms and cylinders, and how they move.
+"""Solids made of flat faces: boxes, prisms, cylinders and lofts, and how they move.
 
 Knows shapes and face colours; nothing of cameras, pictures or what the solids stand for. Metres, z up.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,3 +104,44 @@ def pitched(solid: Solid, pitch_rad: float, *, about_m: tuple[float, float, floa
     rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     centre = np.array(about_m)
     return replace(solid, vertices_m=(solid.vertices_m - centre) @ rotation.T + centre)
+
+
+def loft(
+    sections: Sequence[tuple[float, FloatArray]],
+    colours: Sequence[Colour],
+    *,
+    top_colours: Sequence[Colour] | None = None,
+    end_colours: tuple[Colour, Colour] | None = None,
+) -> list[Solid]:
+    """A body along x through cross-sections, one solid between each two neighbours.
+
+    `sections` gives (x, points (k, 2) of y and z, counter-clockwise seen from +x) with growing x and one k; `colours` one
+    colour for each of the k sides (from point i to point i + 1); `top_colours` one for each stretch, in place of the colour of
+    side k // 2 (the roof of `rounded_section`); `end_colours` those of the rear and the front end.
+    """
+    k = len(sections[0][1])
+    around = tuple((i, (i + 1) % k, (i + 1) % k + k, i + k) for i in range(k))
+    caps = (tuple(range(k - 1, -1, -1)), tuple(range(k, 2 * k)))
+    rear, front = (colours[0], colours[0]) if end_colours is None else end_colours
+    out: list[Solid] = []
+    for number, ((x0, low), (x1, high)) in enumerate(itertools.pairwise(sections)):
+        vertices = np.vstack([np.column_stack([np.full(k, x0), low]), np.column_stack([np.full(k, x1), high])])
+        sides = list(colours)
+        if top_colours is not None:
+            sides[k // 2] = top_colours[number]
+        out.append(Solid(vertices_m=vertices, faces=around + caps, colour=sides[0], face_colours=(*sides, rear, front)))
+    return out
+
+
+def rounded_section(
+    half_width_m: float, low_m: float, high_m: float, *, roof_share: float = 0.8, belt_share: float = 0.6
+) -> FloatArray:
+    """A car's cross-section, shape (6, 2), y and z: flat below, upright to the belt, then drawn in to the roof.
+
+    `roof_share` is the roof's width over the body's, `belt_share` how far up the widest place lies. Sides in `loft`'s order:
+    floor, left flank, left shoulder, roof, right shoulder, right flank.
+    """
+    belt = low_m + (high_m - low_m) * belt_share
+    roof = half_width_m * roof_share
+    right = [(-half_width_m * 0.94, low_m), (half_width_m * 0.94, low_m), (half_width_m, belt), (roof, high_m)]
+    return np.array([*right, (-roof, high_m), (-half_width_m, belt)])
