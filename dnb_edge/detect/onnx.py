@@ -24,8 +24,18 @@ import onnxruntime as ort
 
 FloatArray = NDArray[np.float32]
 
-OUTPUT_CHANNELS = {"heat": 1, "offset": 2, "size": 1, "heading": 2, "spread": 1}
-"""Name and channels of each output, (1, channels, h / 4, w / 4); `dnb_edge.train.network` says what they mean."""
+HEADS = ("heat", "offset", "size", "heading", "spread")
+"""The heads in the order of their channels; `dnb_edge.train.network` says what they mean."""
+HEAD_CHANNELS: dict[str, tuple[int, ...]] = {
+    "heat": (1,),
+    "offset": (2,),
+    "size": (1,),
+    "heading": (2, 4),
+    "spread": (1,),
+}
+"""Channels that each head may have, (n, channels, h / 4, w / 4) where it is an output by its own name."""
+MAPS_CHANNELS = (7, 9)
+"""Channels that the one output `maps` may have, which holds all heads."""
 STRIDE_PX = 4
 SIDE_MULTIPLE_PX = 16
 """Heights and widths of inputs are multiples of this."""
@@ -35,16 +45,36 @@ SIDE_MULTIPLE_PX = 16
 class CentreMaps:
     """The network's answer over its grid of cells of 4x4 input px."""
 
-    heat: FloatArray
-    """Logit that a car's ground point lies in the cell, (rows, columns)."""
-    offset: FloatArray
-    """From the cell's centre to the ground point, (2, rows, columns): (u, v) in cells."""
-    size: FloatArray
-    """Log of the car's length over 32 input px, (rows, columns)."""
-    heading: FloatArray
-    """Cosine and sine of the heading, v up, (2, rows, columns)."""
-    spread: FloatArray
-    """Log of one standard deviation of the ground point along an axis, in cells, (rows, columns)."""
+    values: FloatArray
+    """All heads, (7 or 9, rows, columns), in the order of the properties below."""
+
+    @property
+    def heat(self) -> FloatArray:
+        """Logit that a car's ground point lies in the cell, (rows, columns)."""
+        heat: FloatArray = self.values[0]
+        return heat
+
+    @property
+    def offset(self) -> FloatArray:
+        """From the cell's centre to the ground point, (2, rows, columns): (u, v) in cells."""
+        return self.values[1:3]
+
+    @property
+    def size(self) -> FloatArray:
+        """Log of the car's length over 32 input px, (rows, columns)."""
+        size: FloatArray = self.values[3]
+        return size
+
+    @property
+    def heading(self) -> FloatArray:
+        """Of the heading a, v up, (2 or 4, rows, columns): cos a, sin a; or cos 2a, sin 2a, cos a, sin a."""
+        return self.values[4:-1]
+
+    @property
+    def spread(self) -> FloatArray:
+        """Log of one standard deviation of the ground point along an axis, in cells, (rows, columns)."""
+        spread: FloatArray = self.values[-1]
+        return spread
 
 
 class CentreNetwork:
@@ -52,26 +82,40 @@ class CentreNetwork:
 
     def __init__(self, session: ort.InferenceSession, card: dict[str, Any]) -> None:
         self._session = session
-        self._input = session.get_inputs()[0].name
-        self._outputs = list(OUTPUT_CHANNELS)
+        given = session.get_inputs()[0]
+        self._input = given.name
+        self._takes_bytes = given.type == "tensor(uint8)"
+        self._takes_many = not isinstance(given.shape[0], int)
+        joined = [output.name for output in session.get_outputs()] == ["maps"]
+        self._outputs = ["maps"] if joined else list(HEADS)
         self.card = card
         """The model's card, as read."""
 
     def __call__(self, pixels: NDArray[np.uint8]) -> CentreMaps:
         """Maps for `pixels`, (h, w, 4) uint8: blue, green, red, difference from the background; h, w multiples of 16."""
-        height, width, channels = pixels.shape
-        if channels != 4 or height % SIDE_MULTIPLE_PX or width % SIDE_MULTIPLE_PX:
+        return self.many(pixels[None])[0]
+
+    def many(self, pixels: NDArray[np.uint8]) -> list[CentreMaps]:
+        """Maps for each of `pixels`, (n, h, w, 4) uint8. Raises WorkError where the network fails on them."""
+        if pixels.ndim != 4 or pixels.shape[3] != 4 or any(side % SIDE_MULTIPLE_PX for side in pixels.shape[1:3]):
             raise ValueError(
                 f"input of shape {pixels.shape}: needs 4 channels and sides that are multiples of {SIDE_MULTIPLE_PX}"
             )
-        tensor = np.multiply(pixels.transpose(2, 0, 1), np.float32(1 / 255.0), dtype=np.float32)[None]
+        if self._takes_many:
+            return [CentreMaps(values=values) for values in self._run(pixels)]
+        return [CentreMaps(values=self._run(pixels[i : i + 1])[0]) for i in range(len(pixels))]
+
+    def _run(self, pixels: NDArray[np.uint8]) -> FloatArray:
+        tensor: NDArray[Any] = pixels
+        if not self._takes_bytes:
+            tensor = np.multiply(pixels.transpose(0, 3, 1, 2), np.float32(1 / 255.0), dtype=np.float32, order="C")
         try:
-            heat, offset, size, heading, spread = self._session.run(self._outputs, {self._input: tensor})
+            heads = self._session.run(self._outputs, {self._input: tensor})
         except _RUNTIME_FAULTS as fault:
             raise WorkError(
-                f"the detector's network failed on a {width}x{height} input: {_first_line(fault)}"
+                f"the detector's network failed on a {pixels.shape[2]}x{pixels.shape[1]} input: {_first_line(fault)}"
             ) from fault
-        return CentreMaps(heat=heat[0, 0], offset=offset[0], size=size[0, 0], heading=heading[0], spread=spread[0, 0])
+        return heads[0] if len(heads) == 1 else np.concatenate(heads, axis=1)
 
 
 _RUNTIME_FAULTS = (
@@ -118,18 +162,24 @@ def _read_card(path: Path) -> dict[str, Any]:
 
 def _check_shapes(session: ort.InferenceSession, path: Path) -> None:
     inputs, outputs = session.get_inputs(), {output.name: output.shape for output in session.get_outputs()}
-    fits = (
-        len(inputs) == 1 and len(inputs[0].shape) == 4 and inputs[0].shape[1] == 4 and inputs[0].type == "tensor(float)"
-    )
-    fits = fits and all(
-        name in outputs and len(outputs[name]) == 4 and outputs[name][1] == channels
-        for name, channels in OUTPUT_CHANNELS.items()
-    )
-    if not fits:
-        wanted = ", ".join(f"{name} ({channels})" for name, channels in OUTPUT_CHANNELS.items())
+    if not (len(inputs) == 1 and _fits_input(inputs[0].shape, inputs[0].type) and _fits_outputs(outputs)):
+        wanted = ", ".join(f"{name} ({' or '.join(map(str, counts))})" for name, counts in HEAD_CHANNELS.items())
         raise InputError(
-            f"{path}: not a centre network: needs one float input of 4 channels and the outputs {wanted}; choose another model"
+            f"{path}: not a centre network: needs one input, uint8 (n, h, w, 4) or float (n, 4, h, w), and the outputs "
+            f"{wanted}, or one output maps ({' or '.join(map(str, MAPS_CHANNELS))}); choose another model"
         )
+
+
+def _fits_input(shape: list[int | str | None], kind: str) -> bool:
+    channel = {"tensor(uint8)": 3, "tensor(float)": 1}.get(kind)
+    return channel is not None and len(shape) == 4 and shape[channel] == 4
+
+
+def _fits_outputs(outputs: dict[str, list[int | str | None]]) -> bool:
+    wanted = {"maps": MAPS_CHANNELS} if list(outputs) == ["maps"] else HEAD_CHANNELS
+    return all(
+        name in outputs and len(outputs[name]) == 4 and outputs[name][1] in counts for name, counts in wanted.items()
+    )
 
 
 def _read_model(path: Path) -> bytes:

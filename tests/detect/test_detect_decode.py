@@ -9,18 +9,12 @@ from hypothesis import strategies as st
 
 from dnb_edge.detect.decode import peaks
 from dnb_edge.detect.onnx import CentreMaps
-from dnb_edge.train.batches import GRID, WINDOW_PX, targets_for
 
 
-def _blank(rows: int = 10, columns: int = 12) -> CentreMaps:
-    shape = (rows, columns)
-    return CentreMaps(
-        heat=np.full(shape, -8.0, np.float32),
-        offset=np.zeros((2, *shape), np.float32),
-        size=np.zeros(shape, np.float32),
-        heading=np.zeros((2, *shape), np.float32),
-        spread=np.zeros(shape, np.float32),
-    )
+def _blank(rows: int = 10, columns: int = 12, channels: int = 9) -> CentreMaps:
+    values = np.zeros((channels, rows, columns), np.float32)
+    values[0] = -8.0
+    return CentreMaps(values=values)
 
 
 def _with_peak(maps: CentreMaps, row: int, column: int, logit: float) -> CentreMaps:
@@ -57,11 +51,22 @@ def test_size_and_spread_are_logarithms(size, spread, length_px, sigma_px):
 
 
 @pytest.mark.parametrize(
-    ("heading", "expected"), [((0.0, 0.9), math.pi / 2), ((-1.0, 0.0), math.pi), ((0.2, 0.1), None)]
+    ("heading", "expected"),
+    [
+        ((0.0, 0.9), math.pi / 2),
+        ((-1.0, 0.0), math.pi),
+        ((0.2, 0.1), None),
+        ((-1.0, 0.0, 0.0, 0.6), math.pi / 2),
+        ((-0.7, 0.0, 0.0, -0.6), -math.pi / 2),
+        ((0.9, 0.0, -0.1, 0.5), math.pi),
+        ((0.0, -1.0, 0.7, -0.7), -math.pi / 4),
+        ((0.0, -1.0, -0.7, 0.7), 3 * math.pi / 4),
+        ((0.3, 0.3, 1.0, 0.0), None),
+    ],
 )
 def test_a_weak_heading_is_none(heading, expected):
-    """The heading is told only where its vector is longer than a half."""
-    maps = _with_peak(_blank(), 4, 4, 1.0)
+    """The heading is told only where its (double-angle) vector is longer than a half; the single angle gives the sense."""
+    maps = _with_peak(_blank(channels=5 + len(heading)), 4, 4, 1.0)
     maps.heading[:, 4, 4] = heading
     (peak,) = peaks(maps, least_confidence=0.3, most=5)
     assert peak.heading_rad == (None if expected is None else pytest.approx(expected))
@@ -85,20 +90,24 @@ def test_two_cells_that_vote_for_one_point_are_one_peak():
 
 
 @given(
-    u=st.floats(8, WINDOW_PX - 9),
-    v=st.floats(8, WINDOW_PX - 9),
+    u=st.floats(8, 119),
+    v=st.floats(8, 119),
     length=st.floats(14, 70),
     heading=st.floats(-3.1, 3.1),
+    doubled=st.booleans(),
 )
-def test_decoding_the_targets_gives_the_label_back(u, v, length, heading):
-    """What training asks of the network decodes to the label it was made from: ground point, length and heading."""
-    label = np.array([[u, v, length, math.cos(heading), math.sin(heading), 1.0]], dtype=np.float32)
-    targets = targets_for(label)
-    heat = np.log(np.clip(targets[0], 1e-4, 0.95) / (1 - np.clip(targets[0], 1e-4, 0.95)))
-    maps = CentreMaps(
-        heat=heat, offset=targets[2:4], size=targets[4], heading=targets[5:7], spread=np.zeros((GRID, GRID), np.float32)
-    )
-    (peak,) = peaks(maps, least_confidence=0.3, most=5)
+def test_decoding_the_ideal_maps_gives_the_label_back(u, v, length, heading, doubled):
+    """Maps that say where a car is, each cell in its own words, decode to that car: ground point, length and heading."""
+    rows, columns = np.mgrid[0:32, 0:32].astype(np.float32)
+    values = np.zeros((9 if doubled else 7, 32, 32), np.float32)
+    values[1], values[2] = (u + 0.5) / 4 - 0.5 - columns, (v + 0.5) / 4 - 0.5 - rows
+    values[0] = 3.0 - 2.0 * (values[1] ** 2 + values[2] ** 2)
+    values[3] = math.log(length / 32.0)
+    single = [math.cos(heading), math.sin(heading)]
+    words = [math.cos(2 * heading), math.sin(2 * heading), *single] if doubled else single
+    values[4:-1] = np.array(words, np.float32)[:, None, None]
+    (peak,) = peaks(CentreMaps(values=values), least_confidence=0.3, most=5)
     assert (peak.u_px, peak.v_px) == pytest.approx((u, v), abs=0.02)
     assert peak.length_px == pytest.approx(length, rel=1e-4)
-    assert peak.heading_rad == pytest.approx(heading, abs=1e-4)
+    assert peak.heading_rad is not None
+    assert math.remainder(peak.heading_rad - heading, math.tau) == pytest.approx(0.0, abs=1e-4)
