@@ -54,9 +54,11 @@ def board(rng: Rng, centre: tuple[float, float], z: float, length: float, width:
     lift = between(rng, 0.01, 0.05)
     z += lift
     out = [box((x, y, z), (length, width, 0.012), colour)]
-    for sx in (-0.46, 0.46):
-        for sy in (-0.44, 0.44):
-            out.append(box((x + sx * length, y + sy * width, z - lift / 2), (0.015, 0.015, lift), (90, 170, 190)))
+    out += [
+        box((x + sx * length, y + sy * width, z - lift / 2), (0.015, 0.015, lift), (90, 170, 190))
+        for sx in (-0.46, 0.46)
+        for sy in (-0.44, 0.44)
+    ]
     side = pick(rng, (-1, 1))
     out.append(box((x, y + side * width * 0.42, z + 0.02), (length * 0.6, width * 0.09, 0.03), (25, 25, 25)))
     port_end = pick(rng, (-1, 1))
@@ -88,8 +90,10 @@ def _heat_sink(rng: Rng, centre: tuple[float, float], z: float, size: float) -> 
     x, y = centre
     metal = pick(rng, ((175.0, 178.0, 180.0), (35.0, 35.0, 38.0), (40.0, 40.0, 170.0), (160.0, 80.0, 20.0)))
     out = [box((x, y, z + 0.012), (size, size, 0.02), metal)]
-    for i in range(5):
-        out.append(box((x, y + size * (i / 4 - 0.5) * 0.9, z + 0.035), (size, size * 0.07, 0.035), shaded(metal, 1.1)))
+    out += [
+        box((x, y + size * (i / 4 - 0.5) * 0.9, z + 0.035), (size, size * 0.07, 0.035), shaded(metal, 1.1))
+        for i in range(5)
+    ]
     if chance(rng, 0.5):
         out.append(box((x, y, z + 0.055), (size * 0.95, size * 0.95, 0.02), (28, 28, 30)))
         out.append(prism((x, y, z + 0.066), size * 0.42, 0.006, (55, 55, 58), sides=12))
@@ -113,8 +117,10 @@ def battery(rng: Rng, centre: tuple[float, float], z: float, length: float, widt
     )
     if chance(rng, 0.5):
         strap = dark(rng) if chance(rng, 0.6) else vivid(rng)
-        for sx in (-0.25, 0.25):
-            out.append(box((x + sx * length, y, z + height / 2), (0.035, width * 1.04, height * 1.08), strap))
+        out += [
+            box((x + sx * length, y, z + height / 2), (0.035, width * 1.04, height * 1.08), strap)
+            for sx in (-0.25, 0.25)
+        ]
     end = x + pick(rng, (-1, 1)) * length / 2
     for colour, sy in (((20.0, 20.0, 205.0), -0.2), ((15.0, 15.0, 15.0), 0.2)):
         start = point(end, y + sy * width, z + height * 0.7)
@@ -132,9 +138,10 @@ def cells(rng: Rng, centre: tuple[float, float], z: float, count: int) -> list[S
     )
     pitch, length = 0.085, between(rng, 0.28, 0.34)
     out = [box((x, y, z + 0.02), (length * 1.12, pitch * count * 1.05, 0.04), (22, 22, 24))]
-    for i in range(count):
-        out.append(prism((x, y + (i - (count - 1) / 2) * pitch, z + 0.05), 0.04, length, sleeve, sides=8, axis="x"))
-    return out
+    return out + [
+        prism((x, y + (i - (count - 1) / 2) * pitch, z + 0.05), 0.04, length, sleeve, sides=8, axis="x")
+        for i in range(count)
+    ]
 
 
 def wire(rng: Rng, start: FloatArray, end: FloatArray, colour: Colour, radius: float) -> list[Solid]:
@@ -176,8 +183,8 @@ def camera(rng: Rng, *, x: float, low: float, high: float, tilt_rad: float = 0.2
     case = pick(rng, (dark(rng), board_colour(rng), (185.0, 188.0, 190.0)))
     out = [box((x - 0.02, 0, (low + high) / 2), (0.02, between(rng, 0.03, 0.12), max(0.01, high - low)), dark(rng))]
     head = [box((x, 0, high), (0.03 if not wide else 0.06, width, tall), case)]
-    for y in (-0.3 * width, 0.3 * width) if wide else (0.0,):
-        head.append(prism((x + 0.03, y, high), 0.026, 0.03, (20, 20, 22), sides=8, axis="x"))
+    lenses = (-0.3 * width, 0.3 * width) if wide else (0.0,)
+    head += [prism((x + 0.03, y, high), 0.026, 0.03, (20, 20, 22), sides=8, axis="x") for y in lenses]
     return out + [pitched(part, tilt_rad, about_m=(x, 0, high)) for part in head]
 
 
@@ -227,18 +234,18 @@ def tag_plate(rng: Rng, *, x: float, z: float, size: float) -> list[Solid]:
             if chance(rng, 0.5):
                 place = ((i - (cells_across - 1) / 2) * step, (j - (cells_across - 1) / 2) * step, 0.008)
                 out.append(box(place, (step, step, 0.004), (240, 240, 240)))
-    return [turned(part, between(rng, -0.06, 0.06) * 0.0, shift_m=(x, 0, z)) for part in out]
+    turn = between(rng, -0.06, 0.06)
+    return [turned(part, turn, shift_m=(x, 0, z)) for part in out]
 
 
 def eyes(rng: Rng, *, x: float, z: float) -> list[Solid]:
     """An ultrasonic sensor: a blue or black board with two silver cylinders to the front."""
     plate = (150.0, 80.0, 20.0) if chance(rng, 0.65) else dark(rng)
-    out = [box((x, 0, z), (0.02, 0.24, 0.1), plate)]
-    for side in (-1, 1):
-        out.append(
-            prism((x + 0.04, side * 0.07, z), 0.045, 0.07, (185, 188, 190), sides=10, axis="x", cap_colour=(70, 72, 75))
-        )
-    return out
+    cans = [
+        prism((x + 0.04, side * 0.07, z), 0.045, 0.07, (185, 188, 190), sides=10, axis="x", cap_colour=(70, 72, 75))
+        for side in (-1, 1)
+    ]
+    return [box((x, 0, z), (0.02, 0.24, 0.1), plate), *cans]
 
 
 def electronics(

@@ -262,7 +262,8 @@ def driver(rng: Rng, *, x: float, seat: float, size: float, arms_to: float) -> l
     out = [
         prism((x, 0, seat + size * 0.28), size * 0.3, size * 0.56, shirt, sides=8, top_scale=0.75),
         prism((x + 0.01, 0, z_head - head * 0.2), head * 0.92, head, skin, sides=10, top_scale=1.0),
-        prism((x, 0, z_head + head * 0.55), head, head * 0.6, cap, sides=10, top_scale=0.55),
+        prism((x, 0, z_head + head * 0.45), head, head * 0.4, cap, sides=10, top_scale=0.9),
+        prism((x, 0, z_head + head * 0.78), head * 0.9, head * 0.26, cap, sides=10, top_scale=0.6),
         box((x + head * 0.95, 0, z_head - head * 0.1), (head * 0.4, head * 0.35, head * 0.35), shaded(skin, 0.95)),
     ]
     if chance(rng, 0.7):

@@ -44,7 +44,7 @@ _KINDS: dict[str, tuple[Maker, float]] = {
 
 
 def stood(solids: Sequence[Solid], length_m: float) -> list[Solid]:
-    """The car scaled to `length_m` from end to end, put down on z = 0 and moved so that the middle of its contacts is the origin."""
+    """The car scaled to `length_m` from end to end and put down on z = 0, the middle of its contacts at the origin."""
     corners = np.concatenate([solid.vertices_m for solid in solids])
     scale = length_m / float(np.ptp(corners[:, 0]))
     bottom = float(corners[:, 2].min())

@@ -104,6 +104,12 @@ def bare_chassis(rng: Rng) -> list[Solid]:
             )
             out += more
             out += wires(rng, length=long, width=wide, low=lift, high=top, count=int(rng.integers(0, 4)))
+    return out + _mounts(rng, deck=deck, top=top, width=width)
+
+
+def _mounts(rng: Rng, *, deck: float, top: float, width: float) -> list[Solid]:
+    """A camera, a lidar, a tag, antennas, a wing: some of them."""
+    out: list[Solid] = []
     if chance(rng, 0.5):
         out += camera(
             rng, x=between(rng, 0.2, 0.42), low=deck, high=top + between(rng, 0.02, 0.25), tilt_rad=between(rng, 0, 0.5)

@@ -46,11 +46,10 @@ def _pair(
 
 def _castor(x: float, radius: float) -> list[Solid]:
     metal = (175.0, 178.0, 182.0)
-    ball = [
+    return [
         prism((x, 0, radius * 0.5), radius * 0.3, radius, metal, sides=8, top_scale=3.0),
         prism((x, 0, radius * 1.6), radius, radius * 1.2, (40, 40, 42), sides=8),
     ]
-    return ball
 
 
 def _deck(rng: Rng, x: float, z: float, length: float, width: float, colour: Colour) -> list[Solid]:
@@ -245,8 +244,8 @@ def tracked(rng: Rng) -> list[Solid]:
     out: list[Solid] = []
     for y in (-gauge / 2, gauge / 2):
         out.append(box((0, y, radius), (straight, width, radius * 2), belt))
-        for end in (-1, 1):
-            out.append(prism((end * straight / 2, y, radius), radius, width, belt, sides=14, axis="y"))
+        ends = (-straight / 2, straight / 2)
+        out += [prism((end, y, radius), radius, width, belt, sides=14, axis="y") for end in ends]
         for i in range(11):
             x = straight * (i / 10 - 0.5)
             out.append(box((x, y, radius * 2), (straight * 0.045, width, 0.016), (70, 72, 75)))
