@@ -71,9 +71,11 @@ def load_entry(entry: Entry, assets: Path, *, vehicle: bool) -> Mesh:
     patches = [patch for part in entry.parts for patch in _read_part(part, assets / entry.folder)]
     turn = _axes_matrix(entry.up, entry.nose)
     patches = _cut_finer([replace(patch, corners=patch.corners @ turn.T) for patch in patches])
-    corners = np.concatenate([patch.corners for patch in patches])
-    colours = np.concatenate([_colours(patch) for patch in patches])
-    corners, colours = _without_slivers(*_simplify(corners, colours))
+    simpler = [
+        _simplify(patch.corners, _colours(patch), room) for patch, room in zip(patches, _rooms(patches), strict=True)
+    ]
+    corners, colours = (np.concatenate(each) for each in zip(*simpler, strict=True))
+    corners, colours = _without_slivers(corners, colours)
     corners = _as_vehicle(corners) if vehicle else _as_clutter(corners, entry.longest_m)
     return Mesh(name=entry.name, corners_m=corners, colours_bgr=colours, recolour=entry.recolour)
 
@@ -266,21 +268,33 @@ def _bisect(patch: _Patch, longest: float, room: int) -> _Patch:
     return replace(patch, corners=cut[:, :, :3], uv=cut[:, :, 3:], colours_bgr=flat)
 
 
-def _simplify(corners: FloatArray, colours: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """At most `TRIANGLES_MAX` triangles of much the same shape, each with the colour of the nearest one before."""
-    if len(corners) <= TRIANGLES_MAX:
+def _rooms(patches: list[_Patch]) -> list[int]:
+    """Triangles that each patch may keep, by its area and its detail alike: fine wheels must not eat up a plain body."""
+    counts = np.array([len(patch.corners) for patch in patches], dtype=np.float64)
+    areas = np.array([_doubled_areas(patch.corners).sum() for patch in patches])
+    weights = counts / counts.sum() + areas / max(areas.sum(), 1e-30) + 0.5 / len(patches)
+    rooms, left, weight_left = counts.astype(np.int64), TRIANGLES_MAX, float(weights.sum())
+    for index in np.argsort(counts / weights):  # those that need less than their share leave the rest to the others
+        rooms[index] = min(int(counts[index]), int(left * weights[index] / weight_left + 1e-9))
+        left, weight_left = left - int(rooms[index]), max(weight_left - float(weights[index]), 1e-30)
+    return [int(room) for room in rooms]
+
+
+def _simplify(corners: FloatArray, colours: FloatArray, room: int) -> tuple[FloatArray, FloatArray]:
+    """At most `room` triangles of much the same shape, each with the colour of the nearest one before."""
+    if len(corners) <= room:
         return corners, colours
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     points, faces = _merged(corners, size * 1e-5)
     try:
         import fast_simplification  # noqa: PLC0415 - only where meshes are made
 
-        points, faces = fast_simplification.simplify(points, faces, target_count=TRIANGLES_MAX, agg=5.0)
+        points, faces = fast_simplification.simplify(points, faces, target_count=room, agg=5.0)
     except ImportError:
         log.info("fast_simplification is not installed: vertices are clustered instead")
     simpler = np.asarray(points, dtype=np.float64)[faces]
     cell = size / 100.0
-    while len(simpler) > TRIANGLES_MAX:
+    while len(simpler) > room:
         points, faces = _merged(simpler, cell)
         simpler, cell = points[faces], cell * 1.2
     return simpler, colours[_nearest(simpler.mean(axis=1), corners.mean(axis=1))]
@@ -304,10 +318,15 @@ def _nearest(wanted: FloatArray, among: FloatArray) -> NDArray[np.int64]:
     return np.concatenate(chunks).astype(np.int64)
 
 
+def _doubled_areas(corners: FloatArray) -> FloatArray:
+    """(n,): twice the area of each triangle."""
+    doubled: FloatArray = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return doubled
+
+
 def _without_slivers(corners: FloatArray, colours: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Only triangles that have an area."""
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    kept = doubled > 1e-12 * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) ** 2
+    kept = _doubled_areas(corners) > 1e-12 * float(np.ptp(corners.reshape(-1, 3), axis=0).max()) ** 2
     if not kept.any():
         raise WorkError("all triangles are flat")
     return corners[kept], colours[kept]
