@@ -148,10 +148,9 @@ def wire(rng: Rng, start: FloatArray, end: FloatArray, colour: Colour, radius: f
     """A wire that bows up or droops between two places."""
     bow = np.array([between(rng, -0.05, 0.05), between(rng, -0.06, 0.06), between(rng, -0.02, 0.12)])
     middle = (start + end) / 2 + bow
-    shares = (0.0, 0.25, 0.5, 0.75, 1.0)
-    points = [start * (1 - s) ** 2 + middle * 2 * s * (1 - s) + end * s**2 for s in shares]
-    for place in points:
-        place[2] = max(place[2], radius * 1.5)
+    s = np.array([[0.0], [0.25], [0.5], [0.75], [1.0]])
+    points = start * (1 - s) ** 2 + middle * (2 * s * (1 - s)) + end * s**2
+    points[:, 2] = np.maximum(points[:, 2], radius * 1.5)
     return [rod(a, b, radius, colour) for a, b in itertools.pairwise(points)]
 
 
@@ -213,7 +212,7 @@ def lidar(rng: Rng, *, x: float, z: float, radius: float) -> list[Solid]:
 
 def antenna(rng: Rng, *, x: float, y: float, z: float, height: float) -> list[Solid]:
     """A stick antenna, leaning a little, at times with a coloured tip."""
-    top = point(x - between(rng, 0.0, 0.3) * height, y + between(rng, -0.15, 0.15) * height, z + height)
+    top = point(x - between(rng, 0.0, 0.15) * height, y + between(rng, -0.15, 0.15) * height, z + height)
     thick = between(rng, 0.006, 0.016)
     out = [rod(point(x, y, z), top, thick, dark(rng) if chance(rng, 0.75) else light(rng))]
     if chance(rng, 0.2):

@@ -146,8 +146,9 @@ def wheel(
         (0, -quarter, 0), radius * shoulder, width * 0.5, tyre, sides=sides, axis="y", top_scale=1.0 / shoulder
     )
     disc = radius * rim_share
-    hub = prism((0, 0, 0), disc, width * 1.05, shaded(rim, 0.8), sides=10, axis="y", cap_colour=rim)
-    nut = prism((0, 0, 0), disc * 0.3, width * 1.12, shaded(rim, 0.35), sides=6, axis="y")
+    proud = between(rng, 1.03, 1.2)
+    hub = prism((0, 0, 0), disc, width * proud, shaded(rim, 0.8), sides=10, axis="y", cap_colour=rim)
+    nut = prism((0, 0, 0), disc * 0.3, width * (proud + 0.06), shaded(rim, 0.35), sides=6, axis="y")
     parts = [replace(outer, face_colours=tread), replace(inner, face_colours=tread), hub, nut]
     return [turned(part, steer_rad, shift_m=(centre[0], centre[1], radius)) for part in parts]
 
@@ -165,7 +166,7 @@ def wheels(
 ) -> list[Solid]:
     """Four wheels; `gauge` is between the tyres' middles; the front ones may be narrower and are often steered."""
     if colours is None:
-        colours = (dark(rng) if chance(rng, 0.93) else any_colour(rng), rim_colour(rng))
+        colours = (dark(rng) if chance(rng, 0.96) else any_colour(rng), rim_colour(rng))
     share = between(rng, 0.5, 0.76)
     steer = between(rng, -0.45, 0.45) if chance(rng, 0.6) else 0.0
     out: list[Solid] = []
@@ -245,10 +246,11 @@ def bumper(rng: Rng, *, x: float, width: float, z: float, depth: float = 0.07) -
     """A foam or plastic bumper whose front edge is at `x`, its ends swept back."""
     colour = dark(rng) if chance(rng, 0.85) else paint(rng)
     height = between(rng, 0.025, 0.06)
+    sweep = between(rng, 0.1, 0.45)
     out = [box((x - depth / 2, 0, z), (depth, width * 0.6, height), colour)]
     for side in (-1, 1):
         end = box((0, 0, 0), (depth * 0.9, width * 0.26, height), colour)
-        out.append(turned(end, -side * 0.35, shift_m=(x - depth * 0.72, side * width * 0.38, z)))
+        out.append(turned(end, side * sweep, shift_m=(x - depth * 0.72, side * width * 0.38, z)))
     return out
 
 

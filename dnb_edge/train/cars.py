@@ -7,7 +7,6 @@ with the centre of its footprint (the middle of where its wheels touch) at the o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -51,7 +50,12 @@ def stood(solids: Sequence[Solid], length_m: float) -> list[Solid]:
     contacts = corners[corners[:, 2] - bottom < CONTACT_SHARE / scale * length_m]
     middle = (contacts[:, :2].min(axis=0) + contacts[:, :2].max(axis=0)) / 2.0
     origin = np.array([middle[0], middle[1], bottom])
-    return [replace(solid, vertices_m=(solid.vertices_m - origin) * scale) for solid in solids]
+    ends = np.cumsum([len(solid.vertices_m) for solid in solids])
+    placed = np.split((corners - origin) * scale, ends[:-1])
+    return [
+        Solid(vertices_m=vertices, faces=solid.faces, colour=solid.colour, face_colours=solid.face_colours)
+        for solid, vertices in zip(solids, placed, strict=True)
+    ]
 
 
 def _made(maker: Maker) -> Callable[[Rng, float], list[Solid]]:

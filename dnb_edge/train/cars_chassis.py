@@ -89,6 +89,11 @@ def bare_chassis(rng: Rng) -> list[Solid]:
     room = max(width, 0.2)
     parts, top = electronics(rng, length=wheelbase * 0.92, width=room, deck=deck)
     out += parts
+    if chance(rng, 0.15):  # a printed or cardboard box holds the works
+        size = (between(rng, 0.25, 0.5), room * between(rng, 0.7, 1.1), between(rng, 0.1, 0.25))
+        out.append(box((between(rng, -0.12, 0.05), 0, deck + size[2] / 2), size, paint(rng)))
+        parts, top = electronics(rng, length=size[0], width=size[1], deck=deck + size[2], wire_count=2)
+        out += parts
     if chance(rng, 0.35):
         lift = top + between(rng, 0.01, 0.12)
         long, wide = between(rng, 0.3, 0.62), room * between(rng, 0.8, 1.15)

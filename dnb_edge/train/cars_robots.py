@@ -119,9 +119,9 @@ def jetbot(rng: Rng) -> list[Solid]:
     """Two wheels, a printed or acrylic body, a computer with a heat sink, two Wi-Fi antennas up, a camera in front."""
     radius, width = between(rng, 0.19, 0.24), between(rng, 0.07, 0.12)
     gauge = between(rng, 0.7, 0.85)
-    axle = between(rng, 0.14, 0.24)
+    axle = between(rng, 0.16, 0.24)
     out = _pair(rng, axle=axle, gauge=gauge, radius=radius, width=width)
-    out += _castor(-0.3, 0.08)
+    out += _castor(-0.29, 0.08)
     body = dark(rng) if chance(rng, 0.6) else paint(rng)
     wide = gauge - width - 0.04
     low, high = 0.1, between(rng, 0.3, 0.42)

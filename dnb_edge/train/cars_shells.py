@@ -147,6 +147,8 @@ def touring(rng: Rng) -> list[Solid]:
     """A touring or rally shell of a radio-controlled car, at times with robot parts on its roof."""
     height = between(rng, 0.27, 0.36)
     cabin = (between(rng, -0.42, -0.3), between(rng, 0.16, 0.27))
+    if chance(rng, 0.15):  # a van, an off-roader, a small old car
+        height, cabin = between(rng, 0.38, 0.5), (-0.49, between(rng, 0.2, 0.36))
     out = _bodied(
         rng, half=between(rng, 0.21, 0.25), height=height, cabin=cabin, lively=0.7, wheel=between(rng, 0.07, 0.095)
     )

@@ -43,12 +43,11 @@ def box(
     shift_top_m: float = 0.0,
 ) -> Solid:
     """An upright box; its top face is scaled by `taper` in x and y and moved by `shift_top_m` along x."""
-    half = np.array(size_m) / 2.0
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=np.float64)
-    bottom = np.column_stack([corners * half[:2], np.full(4, -half[2])])
-    top = np.column_stack([corners * half[:2] * np.array(taper), np.full(4, half[2])])
-    top[:, 0] += shift_top_m
-    return Solid(vertices_m=np.vstack([bottom, top]) + np.array(centre_m), faces=_BOX_FACES, colour=colour)
+    (x, y, z), (a, b, c) = centre_m, (size_m[0] / 2.0, size_m[1] / 2.0, size_m[2] / 2.0)
+    d, e, t = a * taper[0], b * taper[1], x + shift_top_m
+    bottom = ((x - a, y - b, z - c), (x + a, y - b, z - c), (x + a, y + b, z - c), (x - a, y + b, z - c))
+    top = ((t - d, y - e, z + c), (t + d, y - e, z + c), (t + d, y + e, z + c), (t - d, y + e, z + c))
+    return Solid(vertices_m=np.array(bottom + top, dtype=np.float64), faces=_BOX_FACES, colour=colour)
 
 
 def prism(
@@ -80,15 +79,17 @@ def prism(
 
 def rod(start_m: FloatArray, end_m: FloatArray, radius_m: float, colour: Colour) -> Solid:
     """A thin square bar between two points."""
-    along = end_m - start_m
-    length = float(np.linalg.norm(along))
-    along = along / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
-    helper = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    side = np.cross(along, helper)
-    side = side / np.linalg.norm(side) * radius_m
-    up = np.cross(side, along)
-    ring = np.stack([-side - up, side - up, side + up, -side + up])
-    return Solid(vertices_m=np.vstack([start_m + ring, end_m + ring]), faces=_BOX_FACES, colour=colour)
+    x, y, z = (end_m - start_m).tolist()  # plain numbers from here: a car has a hundred rods
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = (x / length, y / length, z / length) if length > 1e-9 else (1.0, 0.0, 0.0)
+    side = (y, -x, 0.0) if abs(z) < 0.9 else (0.0, z, -y)
+    gain = radius_m / math.hypot(*side)
+    p, q, r = (value * gain for value in side)
+    u, v, w = q * z - r * y, r * x - p * z, p * y - q * x
+    ring = ((-p - u, -q - v, -r - w), (p - u, q - v, r - w), (p + u, q + v, r + w), (u - p, v - q, w - r))
+    section = np.array(ring)
+    corners = np.concatenate((section + start_m, section + end_m))
+    return Solid(vertices_m=corners, faces=_BOX_FACES, colour=colour)
 
 
 def turned(solid: Solid, yaw_rad: float, *, shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Solid:
