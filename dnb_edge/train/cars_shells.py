@@ -68,6 +68,12 @@ def _livery(rng: Rng, stations: Sequence[Station], cabin: Sequence[Station], liv
         radius = between(rng, 0.055, 0.085)
         out.append(prism((x, 0, z), radius, 0.008, (245, 245, 245), sides=12))
         out.append(box((x, 0, z + 0.003), (radius * 0.9, radius * between(rng, 0.3, 1.0), 0.008), dark(rng)))
+    if chance(rng, 0.55 * lively):
+        roof_from, roof_to, roof_z = cabin[1][0], cabin[2][0], cabin[1][3]
+        for _ in range(int(rng.integers(2, 6))):
+            size = (between(rng, 0.03, 0.1), between(rng, 0.04, 0.16), 0.008)
+            x, z = pick(rng, ((between(rng, roof_from, roof_to), roof_z), (stations[-3][0], stations[-3][3])))
+            out.append(box((x, between(rng, -0.11, 0.11), z + 0.002), size, paint(rng)))
     if chance(rng, 0.6 * lively):
         patch = vivid(rng)
         for side in (-1, 1):
@@ -104,8 +110,9 @@ def _bodied(
         (0.5, half * between(rng, 0.55, 0.85), low * 1.2, nose * 0.75),
     ]
     body = paint(rng)
-    second = body if chance(rng, 0.75) else paint(rng)
-    tops = [second if chance(rng, 0.2) else body] + [body] * 3 + [second, second]
+    second = body if chance(rng, 0.9 - 0.3 * lively) else paint(rng)
+    tail = second if chance(rng, 0.35) else body
+    tops = [tail, tail, body, body, second, second]
     sill = body if chance(rng, 0.7) else dark(rng)
     out = _hull(stations, (sill, sill, body, body, body, sill), tops, between(rng, 0.8, 0.93), between(rng, 0.5, 0.75))
     rear, front = cabin
