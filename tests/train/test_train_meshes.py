@@ -126,6 +126,19 @@ def test_a_fine_mesh_is_simplified_and_keeps_its_colours(trimesh, tmp_path):
     assert np.ptp(mesh.corners_m.reshape(-1, 3), axis=0) == pytest.approx([5.0, 2.0, 2.0], abs=0.1)
 
 
+def test_simplified_triangles_take_the_nearest_colour(trimesh, tmp_path):
+    """Within one geometry, two colours stay on their own sides when it is simplified."""
+    (tmp_path / "clutter" / "a").mkdir(parents=True)
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    rgba = np.where(ball.triangles_center[:, :1] < 0.0, np.uint8([250, 0, 0, 255]), np.uint8([0, 0, 250, 255]))
+    ball.visual = trimesh.visual.ColorVisuals(ball, face_colors=rgba)
+    ball.export(tmp_path / "clutter" / "a" / "ball.ply")
+    mesh = load_entry(Entry(name="a", folder="clutter/a", parts=(Part(file="ball.ply"),)), tmp_path, vehicle=False)
+    side = mesh.corners_m.mean(axis=1)[:, 0]
+    assert (mesh.colours_bgr[side < -0.05] == (0.0, 0.0, 250.0)).all()
+    assert (mesh.colours_bgr[side > 0.05] == (250.0, 0.0, 0.0)).all()
+
+
 def test_broken_and_absent_files_are_left_out_with_a_reason(trimesh, tmp_path, caplog):
     """One junk file costs one mesh and one line; the rest load."""
     folder = tmp_path / "vehicles" / "kenney_racing"
