@@ -20,7 +20,7 @@ from dnb_edge.train.learn import Schedule, ShardReader, train
 from dnb_edge.train.network import CentreNet, parameter_count, to_input
 from dnb_edge.train.quantise import quantise
 from dnb_edge.train.scene import make_sample
-from dnb_edge.train.shards import SHARD_SAMPLES, asset_photos, load_photos, start_shards
+from dnb_edge.train.shards import SHARD_SAMPLES, load_assets, start_shards
 from dnb_edge.train.validate import window_figures
 
 _LOG = logging.getLogger("dnb_edge.train")
@@ -32,14 +32,16 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         prog="python -m dnb_edge.train", description="Train our own detector on images that this script makes itself."
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for samples, checkpoints and the model")
-    parser.add_argument("--name", default="dnb-edge-centre-v1")
+    parser.add_argument("--name", default="dnb-edge-centre-v2")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--iterations", type=int, default=11500)
-    parser.add_argument("--shards", type=int, default=120, help=f"files of {SHARD_SAMPLES} samples each")
-    parser.add_argument("--batch", type=int, default=24)
+    parser.add_argument("--iterations", type=int, default=16000)
+    parser.add_argument("--shards", type=int, default=160, help=f"files of {SHARD_SAMPLES} samples each")
+    parser.add_argument("--batch", type=int, default=32)
     parser.add_argument("--held-out", type=int, default=400, help="samples to measure on")
     parser.add_argument(
-        "--assets", type=Path, help="folder with permissively licensed photographs in its subfolder 'photos'"
+        "--assets",
+        type=Path,
+        help="folder with permissively licensed photographs and meshes in its subfolders photos, vehicles, clutter",
     )
     parser.add_argument("--workers", type=int, default=2, help="processes that make samples")
     parser.add_argument(
@@ -58,9 +60,9 @@ def _finish(network: CentreNet, given: argparse.Namespace, command: str) -> Path
     path: Path = given.out / f"{given.name}.onnx"
     quantise(network, path, [to_input(torch.from_numpy(one[None])).numpy() for one in calibration])
     write_card(path, {"sha256": file_sha256(path)})
-    photos, textures = (load_photos(paths) for paths in asset_photos(given.assets))
+    assets = load_assets(given.assets, cache=given.out / "shards")
     held_out = [
-        make_sample(np.random.default_rng([given.seed + _HELD_OUT_SEED, number]), photos, textures)
+        make_sample(np.random.default_rng([given.seed + _HELD_OUT_SEED, number]), assets)
         for number in range(given.held_out)
     ]
     int8 = load_model(path)
@@ -107,6 +109,7 @@ def run(arguments: Sequence[str] | None = None) -> Path:
             checkpoint=given.out / "checkpoint.pt",
             checkpoint_every=given.checkpoint_every,
             jobs=jobs,
+            photos=load_assets(given.assets, cache=given.out / "shards").photos,
         )
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -18,11 +18,13 @@ from dnb_edge.values import BgrImage
 Rng = np.random.Generator
 FloatImage = NDArray[np.float32]
 
-WINDOW_PX = 160
+WINDOW_PX = 128
 CELL_PX = 4
 GRID = WINDOW_PX // CELL_PX
-TARGETS = 9
-"""Channels of the targets: heat, vote weight, offset u, offset v, log size, cos, sin, heading weight, heat weight."""
+TARGETS = 10
+"""Channels of the targets: heat, vote weight, offset u, offset v, log size, cos 2a, sin 2a, cos a, sin a, heat weight."""
+FOLLOWED_LENGTH_PX = 44.0
+"""Length of a followed car in its window: half of the windows are made like that, the others of all sizes."""
 REFERENCE_LENGTH_PX = 32.0
 _VOTE_CELLS = 1.6
 _LEAST_SCALE = WINDOW_PX / SCENE_PX + 0.001
@@ -30,7 +32,7 @@ _LEAST_SCALE = WINDOW_PX / SCENE_PX + 0.001
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Batch:
-    """Inputs (n, 160, 160, 4) uint8 and targets (n, 9, 40, 40) float32."""
+    """Inputs (n, 128, 128, 4) uint8 and targets (n, 10, 32, 32) float32."""
 
     inputs: NDArray[np.uint8]
     targets: NDArray[np.float32]
@@ -41,15 +43,20 @@ def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
     return np.asarray(cv2.absdiff(image, background).max(axis=2), dtype=np.uint8)
 
 
-def _window_transform(labels: FloatImage, rng: Rng, *, upright: bool) -> NDArray[np.float64]:
-    """A (2, 3) affine map from sample px to window px: scale, quarter turn or mirror, and a place that mostly shows a car."""
+def _window_transform(labels: FloatImage, rng: Rng) -> NDArray[np.float64]:
+    """A (2, 3) affine map from sample px to window px: scale, slight turn, mirror, and a place that mostly shows a car.
+
+    No quarter turns: a camera that hangs the right way up is the rule (the samples hold the exceptions), and what stands on the
+    floor then leans up in the picture, which is what tells the ground point from the body's middle.
+    """
     scale = float(np.exp(rng.uniform(math.log(_LEAST_SCALE), math.log(1.4))))
     cars = labels[(labels[:, 2] > 0) & (labels[:, 5] > 0)]
-    if len(cars) and rng.random() < 0.8:
+    if len(cars) and rng.random() < 0.85:
         car = cars[int(rng.integers(len(cars)))]
-        ideal = float(np.exp(rng.uniform(math.log(15.0), math.log(58.0)))) / float(car[2])
-        scale = float(np.clip(ideal, _LEAST_SCALE, 1.7))
-        reach = (WINDOW_PX * 0.5 - 6.0) / scale
+        followed = rng.random() < 0.5
+        wanted = FOLLOWED_LENGTH_PX * math.exp(rng.normal(0, 0.15)) if followed else math.exp(rng.uniform(2.5, 4.25))
+        scale = float(np.clip(wanted / float(car[2]), _LEAST_SCALE, 2.2))
+        reach = (1.0 * float(car[2]) * scale if followed else WINDOW_PX * 0.5 - 5.0) / scale
         centre = car[:2].astype(np.float64) + rng.uniform(-reach, reach, 2)
     else:
         half = WINDOW_PX * 0.5 / scale
@@ -59,8 +66,7 @@ def _window_transform(labels: FloatImage, rng: Rng, *, upright: bool) -> NDArray
     if 2 * half < SCENE_PX:
         centre = np.clip(centre, half, SCENE_PX - half)
     mirror = -1.0 if rng.random() < 0.5 else 1.0
-    quarters = int(rng.choice([0, 0, 0, 0, 1, 2, 3]))
-    turn = (0 if upright and rng.random() < 0.93 else quarters) * math.pi / 2 + float(rng.normal(0, 0.1))
+    turn = float(rng.normal(0, 0.1))
     linear = (
         scale * np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([mirror, 1.0])
     )
@@ -119,10 +125,10 @@ def moved_labels(labels: FloatImage, transform: NDArray[np.float64]) -> FloatIma
 
 
 def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDArray[np.float32]:
-    """Targets (9, rows, columns) for labels (k, 6) in the window's px."""
+    """Targets (10, rows, columns) for labels (k, 6) in the window's px."""
     rows, columns = grid
     out = np.zeros((TARGETS, rows, columns), dtype=np.float32)
-    out[8] = 1.0
+    out[9] = 1.0
     row, column = np.mgrid[0:rows, 0:columns].astype(np.float32)
     for u, v, length, cosine, sine, weight in labels:
         if length <= 0.0:
@@ -131,7 +137,7 @@ def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDA
         dv = (v + 0.5) / CELL_PX - 0.5 - row
         squared = du * du + dv * dv
         if weight < 0.5 or length < 9.0:
-            out[8][squared < (0.5 * length / CELL_PX + 2.0) ** 2] = 0.0
+            out[9][squared < (0.5 * length / CELL_PX + 2.0) ** 2] = 0.0
             continue
         spread = float(np.clip(0.1 * length / CELL_PX, 0.75, 1.6))
         np.maximum(out[0], np.exp(-squared / (2 * spread * spread)), out=out[0])
@@ -143,19 +149,16 @@ def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDA
         for channel, value in ((2, du), (3, dv)):
             out[channel][near] = value[near]
         out[4][near] = math.log(length / REFERENCE_LENGTH_PX)
-        out[5][near], out[6][near], out[7][near] = cosine, sine, 1.0
+        out[5][near], out[6][near] = cosine * cosine - sine * sine, 2.0 * cosine * sine
+        out[7][near], out[8][near] = cosine, sine
     return out
 
 
 def make_window(
-    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng, *, upright: bool = False
+    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One input (160, 160, 4) and its targets from a sample's pictures (2, 224, 224, 3) and labels (k, 6).
-
-    `upright` leaves out most quarter turns: a camera that hangs the right way up is the rule, and then what stands on the floor
-    leans up in the picture, which is what tells the ground point from the body's middle.
-    """
-    transform = _window_transform(labels, rng, upright=upright)
+    """One input (128, 128, 4) and its targets from a sample's pictures (2, 192, 192, 3) and labels (k, 6)."""
+    transform = _window_transform(labels, rng)
     size = (WINDOW_PX, WINDOW_PX)
     warped = cv2.warpAffine(pictures[0], transform, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     image: NDArray[np.uint8] = np.asarray(warped, dtype=np.uint8)
@@ -164,9 +167,7 @@ def make_window(
     return window, targets_for(moved_labels(labels, transform))
 
 
-def make_batch(
-    pictures: list[NDArray[np.uint8]], labels: list[FloatImage], rng: Rng, *, upright: bool = False
-) -> Batch:
-    """A batch from as many samples; `upright` as in `make_window`."""
-    made = [make_window(picture, label, rng, upright=upright) for picture, label in zip(pictures, labels, strict=True)]
+def make_batch(pictures: list[NDArray[np.uint8]], labels: list[FloatImage], rng: Rng) -> Batch:
+    """A batch from as many samples."""
+    made = [make_window(picture, label, rng) for picture, label in zip(pictures, labels, strict=True)]
     return Batch(inputs=np.stack([window for window, _ in made]), targets=np.stack([target for _, target in made]))

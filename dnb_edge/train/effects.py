@@ -26,11 +26,16 @@ def uneven_light(size_px: int, rng: Rng) -> Picture:
 class Camera:
     """One camera with settings drawn once, so that two pictures of the same scene are alike."""
 
-    def __init__(self, rng: Rng) -> None:
-        self._gain = np.exp(rng.normal(0.0, 0.06, 3)) * float(np.exp(rng.normal(0.0, 0.25)))
+    def __init__(self, rng: Rng, *, blur_px: float = 0.0) -> None:
+        """`blur_px`: blur, in px of the picture, of a camera whose own pixels are larger."""
+        exposure = float(np.exp(rng.normal(0.0, 0.25)))
+        if rng.random() < 0.12:  # over- or under-exposed
+            exposure = float(rng.uniform(1.5, 2.4)) if rng.random() < 0.5 else float(rng.uniform(0.25, 0.5))
+        self._gain = np.exp(rng.normal(0.0, 0.06, 3)) * exposure
         self._gamma = float(np.exp(rng.normal(0.0, 0.15)))
         self._lift = float(rng.uniform(0, 22)) if rng.random() < 0.4 else 0.0
-        self._blur = float(rng.uniform(0.3, 1.3)) if rng.random() < 0.6 else 0.0
+        focus = float(rng.uniform(0.3, 1.1)) if rng.random() < 0.5 else 0.0
+        self._blur = float(np.hypot(focus, blur_px))
         self._sharpen = float(rng.uniform(0.3, 1.2)) if rng.random() < 0.3 else 0.0
         self._noise = float(rng.uniform(0.5, 3.0)) if rng.random() < 0.75 else float(rng.uniform(3.0, 9.0))
         self._quality = int(rng.integers(35, 96))
@@ -41,7 +46,7 @@ class Camera:
         out = np.clip(picture * self._gain.astype(np.float32), 0.0, 255.0)
         curve = (levels**self._gamma * (255.0 - self._lift) + self._lift).astype(np.float32)
         out = curve[(out * np.float32(1023.0 / 255.0)).astype(np.int32)]
-        if self._blur > 0.0:
+        if self._blur > 0.2:
             out = np.asarray(cv2.GaussianBlur(out, (0, 0), self._blur), dtype=np.float32)
         if self._sharpen > 0.0:
             out = out + np.float32(self._sharpen) * (out - cv2.GaussianBlur(out, (0, 0), 1.2))

@@ -19,8 +19,12 @@ from torch import Tensor
 
 from dnb_edge.errors import WorkError
 from dnb_edge.train.batches import Batch, make_batch
+from dnb_edge.train.floors import photo_crop
 from dnb_edge.train.network import CentreNet, to_input
+from dnb_edge.train.render import to_picture
+from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX
 from dnb_edge.train.shards import shard_paths
+from dnb_edge.values import BgrImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,26 +32,27 @@ class Schedule:
     """How long and how fast to learn."""
 
     iterations: int
-    batch: int = 24
+    batch: int = 32
     peak_rate: float = 2e-3
     warm_up: int = 200
-    decay_from: float = 0.6
+    decay_from: float = 0.5
     """Share of the iterations after which the rate, constant until then, falls in a straight line."""
-    shards: int = 120
+    shards: int = 160
     first_shards: int = 16
     """Shards in use from the start; one more is added every `iterations_per_shard`."""
     iterations_per_shard: int = 14
-    upright_from: int = 4500
-    """Iteration from which most windows keep the right way up; before it cars are seen from all sides alike."""
+    bare_photos: float = 0.08
+    """Share of windows cut from photographs in which there is no car."""
     ema: float = 0.999
 
 
 class ShardReader:
     """Draws samples from the shards that the schedule allows, waiting for one that is not there yet."""
 
-    def __init__(self, folder: Path, jobs: Sequence[Future[int]] = ()) -> None:
+    def __init__(self, folder: Path, jobs: Sequence[Future[int]] = (), photos: Sequence[BgrImage] = ()) -> None:
         self._folder = folder
         self._jobs = jobs
+        self._photos = photos
         self._open: dict[int, tuple[NDArray[np.uint8], NDArray[np.float32]]] = {}
 
     def _shard(self, number: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -60,21 +65,26 @@ class ShardReader:
             self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels))
         return self._open[number]
 
-    def batch(self, allowed: range, size: int, rng: np.random.Generator, *, upright: bool = False) -> Batch:
-        """A batch of windows from random samples of the `allowed` shards."""
+    def batch(self, allowed: range, size: int, rng: np.random.Generator, *, bare_photos: float = 0.0) -> Batch:
+        """A batch of windows from random samples of the `allowed` shards, a share of them of bare photographs."""
         pictures, labels = [], []
         for _ in range(size):
+            if self._photos and rng.random() < bare_photos:
+                picture = to_picture(photo_crop(self._photos, SCENE_PX, rng))
+                pictures.append(np.stack([picture, picture]))
+                labels.append(np.zeros((1, LABEL_FIELDS), dtype=np.float32))
+                continue
             shard = self._shard(int(rng.integers(allowed.start, allowed.stop)))
             row = int(rng.integers(len(shard[1])))
             pictures.append(np.asarray(shard[0][row]))
             labels.append(shard[1][row])
-        return make_batch(pictures, labels, rng, upright=upright)
+        return make_batch(pictures, labels, rng)
 
 
 def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
     """Each part of the loss, for the outputs in OUTPUT_CHANNELS' order and the targets of `batches.targets_for`."""
     heat, offset, size, heading, spread = outputs
-    wanted, votes, weight = targets[:, 0:1], targets[:, 1:2], targets[:, 8:9]
+    wanted, votes, weight = targets[:, 0:1], targets[:, 1:2], targets[:, 9:10]
     chance = torch.sigmoid(heat).clamp(1e-4, 1 - 1e-4)
     positive = (wanted >= 0.999).to(heat.dtype) * weight
     hit = positive * (1 - chance) ** 2 * torch.log(chance)
@@ -84,17 +94,18 @@ def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
     error = (offset - targets[:, 2:4]).abs().sum(dim=1, keepdim=True)
     squared = ((offset - targets[:, 2:4]) ** 2).sum(dim=1, keepdim=True).detach()
     log_sigma = spread.clamp(-4.0, 2.0)
-    heading_share = targets[:, 7:8] / targets[:, 7:8].sum().clamp(min=1.0)
+    turned = (heading - targets[:, 5:9]) ** 2
     return {
         "heat": -(hit.sum() + miss.sum()) / count,
         "offset": (error * share).sum(),
         "size": ((size - targets[:, 4:5]).abs() * share).sum(),
-        "heading": (((heading - targets[:, 5:7]) ** 2).sum(dim=1, keepdim=True) * heading_share).sum(),
+        "axis": (turned[:, :2].sum(dim=1, keepdim=True) * share).sum(),
+        "nose": (turned[:, 2:].sum(dim=1, keepdim=True) * share).sum(),
         "spread": ((squared * torch.exp(-2 * log_sigma) / 2 + 2 * log_sigma) * share).sum(),
     }
 
 
-_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "heading": 0.15, "spread": 0.05}
+_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.3, "spread": 0.05}
 
 
 def _rate(schedule: Schedule, step: int) -> float:
@@ -143,6 +154,7 @@ def train(
     checkpoint: Path | None = None,
     checkpoint_every: int = 500,
     jobs: Sequence[Future[int]] = (),
+    photos: Sequence[BgrImage] = (),
 ) -> CentreNet:
     """Learn from the shards in `folder`, which `jobs` make in order.
 
@@ -154,7 +166,7 @@ def train(
     network.to(memory_format=torch.channels_last)
     mean = copy.deepcopy(network)
     optimiser = torch.optim.AdamW(network.parameters(), lr=schedule.peak_rate, weight_decay=1e-4)
-    reader = ShardReader(folder, jobs)
+    reader = ShardReader(folder, jobs, photos)
     seen: dict[str, float] = {}
     first = 0
     if checkpoint is not None and checkpoint.exists():
@@ -163,7 +175,7 @@ def train(
     def batch_for(step: int) -> Batch:
         count = min(schedule.shards, schedule.first_shards + step // schedule.iterations_per_shard)
         rng = np.random.default_rng([seed, 2**31, step])
-        return reader.batch(range(count), schedule.batch, rng, upright=step >= schedule.upright_from)
+        return reader.batch(range(count), schedule.batch, rng, bare_photos=schedule.bare_photos)
 
     network.train()
     with ThreadPoolExecutor(1) as ahead:

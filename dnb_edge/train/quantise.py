@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
+from dnb_edge.train.graph import join_heads, take_bytes
 from dnb_edge.train.network import OUTPUT_CHANNELS, CentreNet
 
 OPSET = 17
@@ -38,7 +39,7 @@ def export_float(network: CentreNet, path: Path) -> None:
         warnings.simplefilter("ignore")  # the tracing exporter calls itself old; it is what quantisation handles best
         torch.onnx.export(
             network.eval().to(memory_format=torch.contiguous_format),
-            (torch.zeros(1, 4, 160, 160),),
+            (torch.zeros(1, 4, 128, 128),),
             str(path),
             input_names=["pixels"],
             output_names=list(OUTPUT_CHANNELS),
@@ -49,7 +50,12 @@ def export_float(network: CentreNet, path: Path) -> None:
 
 
 def quantise(network: CentreNet, path: Path, calibration: Sequence[NDArray[np.float32]]) -> None:
-    """Write the network in int8 to `path`; `calibration` holds inputs (n, 4, h, w) float32 in 0..1 of n = 1 each."""
+    """Write the network in int8 to `path`: input `pixels` uint8 (n, h, w, 4), output `maps` float32 (n, 9, h / 4, w / 4).
+
+    `calibration` holds inputs (n, 4, h, w) float32 in 0..1 of n = 1 each.
+    """
+    first = calibration[0].copy()
+    first[:, :, 0, :2] = (0.0, 1.0)  # so that the input's scale is 1/255 whatever the pictures
     with tempfile.TemporaryDirectory() as folder:
         plain, ready = Path(folder) / "float.onnx", Path(folder) / "ready.onnx"
         export_float(network, plain)
@@ -57,7 +63,7 @@ def quantise(network: CentreNet, path: Path, calibration: Sequence[NDArray[np.fl
         quantize_static(
             str(ready),
             str(path),
-            _Batches(calibration),
+            _Batches([first, *calibration[1:]]),
             quant_format=QuantFormat.QDQ,
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
@@ -65,6 +71,9 @@ def quantise(network: CentreNet, path: Path, calibration: Sequence[NDArray[np.fl
             calibrate_method=CalibrationMethod.MinMax,
         )
     model = onnx.load(str(path))
+    take_bytes(model)
+    join_heads(model)
+    onnx.checker.check_model(model)
     del model.metadata_props[:]
     model.doc_string = ""
     onnx.save(model, str(path))

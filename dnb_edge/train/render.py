@@ -1,10 +1,12 @@
-"""Draws solids into a picture: shaded faces in painter's order, smoothed by supersampling, with a cast shadow.
+"""Draws bodies of coloured triangles with a depth buffer, supersampled, with shadows on the floor and true motion blur.
 
-Knows colour and light; nothing of what a solid stands for. Writes no file.
+Knows colour, light and depth; nothing of what a body stands for. Writes no file. The rasteriser is OpenCV's own
+(`cv2.triangleRasterize`, OpenCV 5); perspective and lens are applied to each corner before it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,13 +14,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dnb_edge.train.camera import View
+from dnb_edge.train.camera import LEAST_DEPTH_M, View
 from dnb_edge.train.solids import Solid
 from dnb_edge.values import BgrImage
 
 FloatArray = NDArray[np.float64]
-_SUPER = 3  # small polygons drawn by fillConvexPoly come out too large: draw three times larger, then shrink
-_SHIFT = 4
+Picture = NDArray[np.float32]
+"""Shape (h, w, 3), blue-green-red, 0..255."""
+
+SUPER = 2
+"""Drawn so many times larger, then shrunk: smooth edges, and the rasteriser's half pixel of growth shrinks with it."""
+_FAR_M = 300.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,133 +38,202 @@ class Light:
     shadow_strength: float
     """How much a full shadow darkens the floor, 0..1."""
     shadow_blur_px: float
+    gloss: float = 0.0
+    """Strength of the mirror-like highlight, 0..1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sprite:
-    """A drawn object, ready to lay over a picture of the view's size."""
+class Body:
+    """A thing made of coloured triangles."""
 
-    x_px: int
-    y_px: int
-    bgr: NDArray[np.float32]
-    """Shape (h, w, 3), 0..255, colour where alpha > 0."""
-    alpha: NDArray[np.float32]
-    """Shape (h, w), 0..1."""
-    distance_m: float
-    """From the camera, for painter's order between objects."""
+    corners_m: FloatArray
+    """Shape (n, 3, 3): triangle, corner, (x, y, z), metres."""
+    colours_bgr: FloatArray
+    """Shape (n, 3), 0..255: one a triangle."""
+    two_sided: bool = False
+    """True for meshes whose triangles do not all wind the same way."""
+
+    def moved(self, yaw_rad: float, shift_m: tuple[float, float]) -> Body:
+        """The body turned about the z axis, then moved on the floor."""
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        corners = self.corners_m @ rotation.T + np.array([shift_m[0], shift_m[1], 0.0])
+        return Body(corners_m=corners, colours_bgr=self.colours_bgr, two_sided=self.two_sided)
 
 
-def _visible_faces(solids: Sequence[Solid], view: View, light: Light) -> list[tuple[float, FloatArray, FloatArray]]:
-    """(distance, corners in px (k, 2), shaded colour (3,)) of each face that looks at the camera, farthest first."""
-    out: list[tuple[float, FloatArray, FloatArray]] = []
+def body_of(solids: Sequence[Solid]) -> Body:
+    """Convex solids as one body, each face cut into a fan of triangles."""
+    corners: list[FloatArray] = []
+    colours: list[FloatArray] = []
     for solid in solids:
-        pixels = view.project(solid.vertices_m)
         for number, face in enumerate(solid.faces):
-            index = list(face)
-            corners = solid.vertices_m[index]
-            a, b = corners[1] - corners[0], corners[2] - corners[0]
-            normal = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-            centre = corners.mean(axis=0)
-            to_eye = view.eye_m - centre
-            if float(normal @ to_eye) <= 0.0:
-                continue
-            length = float(np.sqrt(normal @ normal)) + 1e-12
-            lit = max(0.0, float(normal @ light.direction) / length)
+            index = np.array([(face[0], face[i], face[i + 1]) for i in range(1, len(face) - 1)])
             colour = solid.colour if solid.face_colours is None else solid.face_colours[number]
-            shade = light.ambient + (1.0 - light.ambient) * lit
-            out.append((float(np.sqrt(to_eye @ to_eye)), pixels[index], np.array(colour) * shade))
-    out.sort(key=lambda face: -face[0])
-    return out
+            corners.append(solid.vertices_m[index])
+            colours.append(np.tile(np.array(colour, dtype=np.float64), (len(index), 1)))
+    return Body(corners_m=np.concatenate(corners), colours_bgr=np.concatenate(colours))
 
 
-def draw(solids: Sequence[Solid], view: View, light: Light, rng: np.random.Generator) -> Sprite | None:
-    """The solids as one sprite; None where nothing of them is in the picture."""
-    faces = _visible_faces(solids, view, light)
-    if not faces:
-        return None
-    points = np.concatenate([pixels for _, pixels, _ in faces])
-    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - 1, 0)
-    high = np.minimum(np.ceil(points.max(axis=0)).astype(int) + 2, view.size_px)
-    if np.any(high - low < 2):
-        return None
-    width, height = (int(value) for value in high - low)
-    canvas = np.zeros((height * _SUPER, width * _SUPER, 4), dtype=np.uint8)
-    for _, pixels, colour in faces:
-        corners = ((pixels - low + 0.5) * _SUPER - 0.5) * (1 << _SHIFT)
-        corners = np.clip(corners, -60000, 60000)
-        blue, green, red = (float(min(255.0, max(1.0, value))) for value in colour)
-        cv2.fillConvexPoly(canvas, np.rint(corners).astype(np.int32), (blue, green, red, 255.0), cv2.LINE_8, _SHIFT)
-    small = cv2.resize(canvas, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
-    alpha = small[:, :, 3] / np.float32(255.0)
-    colour_sum = small[:, :, :3] / np.maximum(alpha, np.float32(1e-3))[:, :, None]
-    grain = 1.0 + rng.normal(0.0, 0.05, (height, width, 1)).astype(np.float32)
-    return Sprite(
-        x_px=int(low[0]),
-        y_px=int(low[1]),
-        bgr=np.minimum(colour_sum * grain, np.float32(255.0)),
-        alpha=alpha,
-        distance_m=float(np.mean([distance for distance, _, _ in faces])),
+@dataclass(slots=True, kw_only=True, eq=False)
+class Canvas:
+    """What has been drawn so far, SUPER times the view's size; the only mutable thing here."""
+
+    bgr: Picture
+    depth_m: NDArray[np.float32]
+    """Shape (h, w); 300 where nothing is drawn."""
+
+    def copy(self) -> Canvas:
+        """The same, to draw on apart."""
+        return Canvas(bgr=self.bgr.copy(), depth_m=self.depth_m.copy())
+
+
+def blank(view: View) -> Canvas:
+    """An empty canvas for `view`."""
+    height, width = view.height_px * SUPER, view.width_px * SUPER
+    return Canvas(
+        bgr=np.zeros((height, width, 3), dtype=np.float32), depth_m=np.full((height, width), _FAR_M, dtype=np.float32)
     )
 
 
-def shadow_mask(solids: Sequence[Solid], view: View, light: Light) -> NDArray[np.float32]:
-    """How dark the floor is, 0..1, shape (size, size): each convex solid's shadow along the light, joined and blurred."""
-    mask = np.zeros((view.size_px, view.size_px), dtype=np.uint8)
+_SETTINGS = cv2.TriangleRasterizeSettings()
+_SETTINGS.setShadingType(cv2.RASTERIZE_SHADING_FLAT)
+_SETTINGS.setCullingMode(cv2.RASTERIZE_CULLING_NONE)
+_EYE = np.eye(4, dtype=np.float32)
+
+
+def _before_rasteriser(
+    pixels: FloatArray, depth_m: FloatArray, height: int, width: int, times: int
+) -> NDArray[np.float32]:
+    """Corners (n, 1, 3) for a camera of 90 degrees over `height` that put depth `depth_m` at `pixels`, `times` enlarged."""
+    half = height / 2.0
+    x = ((pixels[:, 0] + 0.5) * times - width / 2.0) / half * depth_m
+    y = -((pixels[:, 1] + 0.5) * times - half) / half * depth_m
+    return np.column_stack([x, y, -depth_m]).astype(np.float32)[:, None]
+
+
+def _silhouette(corners_m: FloatArray, view: View, times: int) -> NDArray[np.float32] | None:
+    """Depth (h, w), `times` the view's size, of triangles (n, 3, 3) alone; None where one is too near to be drawn."""
+    camera = view.camera_m(corners_m.reshape(-1, 3))
+    if float(camera[:, 2].min()) < LEAST_DEPTH_M * 2:
+        return None
+    height, width = view.height_px * times, view.width_px * times
+    alone = np.full((height, width), _FAR_M, dtype=np.float32)
+    corners = _before_rasteriser(view.project_camera(camera), camera[:, 2], height, width, times)
+    index = np.arange(len(corners), dtype=np.int32).reshape(-1, 1, 3)
+    cv2.triangleRasterizeDepth(corners, index, alone, _EYE, math.pi / 2, LEAST_DEPTH_M, _FAR_M, _SETTINGS)
+    return alone
+
+
+def _shaded(body: Body, view: View, light: Light) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Colours (n, 3) 0..1 of the triangles under the light, and which of them look at the camera."""
+    corners = body.corners_m
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-15
+    centres = corners.mean(axis=1)
+    to_eye = view.eye_m - centres
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True) + 1e-12
+    facing = (normals * to_eye).sum(axis=1)
+    if body.two_sided:
+        normals = normals * np.where(facing < 0.0, -1.0, 1.0)[:, None]
+        facing = np.abs(facing)
+    lit = np.maximum(0.0, normals @ light.direction)
+    half = to_eye + light.direction
+    half /= np.linalg.norm(half, axis=1, keepdims=True) + 1e-12
+    shine = light.gloss * np.maximum(0.0, (normals * half).sum(axis=1)) ** 24
+    height = max(1e-6, float(corners[:, :, 2].max()))
+    low = np.clip(0.7 + 0.6 * centres[:, 2] / height, 0.0, 1.0)  # little light reaches the underside
+    shade = (light.ambient + (1.0 - light.ambient) * lit) * low
+    colours = body.colours_bgr * (shade / 255.0)[:, None] + shine[:, None]
+    return np.clip(colours, 0.004, 1.0), facing > 0.0
+
+
+def draw(canvas: Canvas, body: Body, view: View, light: Light) -> bool:
+    """Draw a body into the canvas, nearer things in front; False where none of it is in the picture.
+
+    Bodies of which a part is nearer than 5 cm to the camera's plane are left out whole.
+    """
+    camera = view.camera_m(body.corners_m.reshape(-1, 3))
+    if float(camera[:, 2].min()) < LEAST_DEPTH_M * 2:
+        return False
+    pixels = view.project_camera(camera)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    if high[0] < 0 or high[1] < 0 or low[0] > view.width_px or low[1] > view.height_px:
+        return False
+    colours, facing = _shaded(body, view, light)
+    height, width = canvas.depth_m.shape
+    seen = np.repeat(facing, 3)
+    corners = _before_rasteriser(pixels[seen], camera[seen, 2], height, width, SUPER)
+    index = np.arange(len(corners), dtype=np.int32).reshape(-1, 1, 3)
+    paint = np.repeat(colours[facing], 3, axis=0).astype(np.float32)[:, None]
+    if len(corners):
+        cv2.triangleRasterize(
+            corners, index, paint, canvas.bgr, canvas.depth_m, _EYE, math.pi / 2, LEAST_DEPTH_M, _FAR_M, _SETTINGS
+        )
+    return True
+
+
+def visible_share(canvas: Canvas, body: Body, view: View) -> float:
+    """The share 0..1 of a body's own silhouette that the canvas, with all drawn, still shows."""
+    alone = _silhouette(body.corners_m, view, SUPER)
+    if alone is None:
+        return 0.0
+    covered = alone < _FAR_M - 1.0
+    whole = int(np.count_nonzero(covered))
+    if whole == 0:
+        return 0.0
+    return float(np.count_nonzero(covered & (canvas.depth_m > alone - np.float32(2e-3)))) / whole
+
+
+def flatten(canvases: Sequence[Canvas], view: View) -> tuple[Picture, NDArray[np.float32]]:
+    """Colour (h, w, 3) 0..255, multiplied by alpha, and alpha (h, w) 0..1 at the view's size: the mean of the canvases."""
+    size = (view.width_px, view.height_px)
+    colour = np.zeros((view.height_px, view.width_px, 3), dtype=np.float32)
+    alpha = np.zeros((view.height_px, view.width_px), dtype=np.float32)
+    for canvas in canvases:
+        covered = (canvas.depth_m < _FAR_M - 1.0).astype(np.float32)
+        colour += cv2.resize(canvas.bgr, size, interpolation=cv2.INTER_AREA) * np.float32(255.0)
+        alpha += cv2.resize(covered, size, interpolation=cv2.INTER_AREA)
+    count = np.float32(1.0 / len(canvases))
+    return colour * count, alpha * count
+
+
+def shadow_mask(bodies: Sequence[Body], view: View, light: Light) -> NDArray[np.float32]:
+    """How dark the floor is, 0..1, shape (h, w): the bodies' shadows along the light, joined and blurred."""
+    mask = np.zeros((view.height_px, view.width_px), dtype=np.uint8)
     slope = light.direction[:2] / light.direction[2]
-    for solid in solids:
-        vertices = solid.vertices_m
-        height = np.maximum(vertices[:, 2:3], 0.0)
-        ground = np.column_stack([vertices[:, :2] - height * slope, np.zeros(len(vertices))])
-        pixels = np.clip(view.project(ground), -3000, 3000)
-        hull = cv2.convexHull(np.rint(pixels * (1 << _SHIFT)).astype(np.int32))
-        cv2.fillConvexPoly(mask, hull, (255.0,), cv2.LINE_AA, _SHIFT)
+    for body in bodies:
+        corners = body.corners_m
+        ground = np.zeros_like(corners)
+        ground[..., :2] = corners[..., :2] - np.maximum(corners[..., 2:3], 0.0) * slope
+        alone = _silhouette(ground, view, 1)
+        if alone is not None:
+            mask[alone < _FAR_M - 1.0] = 255
     blurred = cv2.GaussianBlur(mask, (0, 0), max(0.4, light.shadow_blur_px))
     return np.asarray(blurred, dtype=np.float32) * np.float32(light.shadow_strength / 255.0)
 
 
-def darken(picture: NDArray[np.float32], mask: NDArray[np.float32]) -> None:
+def floor_shadows(bodies: Sequence[Body], view: View, light: Light) -> NDArray[np.float32]:
+    """`shadow_mask` of the lamp and of the light from above that does not reach under a body, the darker of the two."""
+    contact = Light(
+        direction=np.array([0.0, 0.0, 1.0]),
+        ambient=1.0,
+        shadow_strength=0.55,
+        shadow_blur_px=min(1.5, light.shadow_blur_px),
+    )
+    return np.maximum(shadow_mask(bodies, view, light), shadow_mask(bodies, view, contact))
+
+
+def darken(picture: Picture, mask: NDArray[np.float32]) -> None:
     """Apply a shadow mask to a float picture (h, w, 3) in place."""
     picture *= (np.float32(1.0) - mask)[:, :, None]
 
 
-def lay_over(picture: NDArray[np.float32], sprite: Sprite) -> None:
-    """Composite a sprite over a float picture (h, w, 3) in place."""
-    height, width = sprite.alpha.shape
-    part = picture[sprite.y_px : sprite.y_px + height, sprite.x_px : sprite.x_px + width]
-    part += (sprite.bgr - part) * sprite.alpha[:, :, None]
+def lay_over(picture: Picture, colour: Picture, alpha: NDArray[np.float32]) -> None:
+    """Composite what `flatten` gave over a float picture (h, w, 3) in place."""
+    picture *= (np.float32(1.0) - alpha)[:, :, None]
+    picture += colour
 
 
-def motion_blurred(sprite: Sprite, direction_px: tuple[float, float], size_px: int) -> Sprite:
-    """The sprite smeared evenly along `direction_px` (u, v), half before and half after its place."""
-    du, dv = direction_px
-    reach = int(np.ceil(max(abs(du), abs(dv)) / 2)) + 1
-    y0, x0 = max(0, sprite.y_px - reach), max(0, sprite.x_px - reach)
-    y1 = min(size_px, sprite.y_px + sprite.alpha.shape[0] + reach)
-    x1 = min(size_px, sprite.x_px + sprite.alpha.shape[1] + reach)
-    wide = np.zeros((y1 - y0, x1 - x0, 4), dtype=np.float32)
-    top, left = sprite.y_px - y0, sprite.x_px - x0
-    inner = wide[top : top + sprite.alpha.shape[0], left : left + sprite.alpha.shape[1]]
-    inner[:, :, :3] = sprite.bgr * sprite.alpha[:, :, None]
-    inner[:, :, 3] = sprite.alpha
-    side = 2 * reach + 1
-    kernel = np.zeros((side * 4, side * 4), dtype=np.float32)
-    middle = (side * 4 - 1) / 2.0
-    start = (round(middle - du * 2), round(middle - dv * 2))
-    end = (round(middle + du * 2), round(middle + dv * 2))
-    cv2.line(kernel, start, end, (1.0,), 4)
-    kernel = np.asarray(cv2.resize(kernel, (side, side), interpolation=cv2.INTER_AREA), dtype=np.float32)
-    filtered = cv2.filter2D(wide, -1, kernel / kernel.sum(), borderType=cv2.BORDER_CONSTANT)
-    smeared = np.asarray(filtered, dtype=np.float32)
-    alpha = np.ascontiguousarray(smeared[:, :, 3])
-    return Sprite(
-        x_px=x0,
-        y_px=y0,
-        bgr=np.asarray(smeared[:, :, :3] / np.maximum(alpha, np.float32(1e-3))[:, :, None], dtype=np.float32),
-        alpha=np.clip(alpha, 0.0, 1.0),
-        distance_m=sprite.distance_m,
-    )
-
-
-def to_picture(picture: NDArray[np.float32]) -> BgrImage:
+def to_picture(picture: Picture) -> BgrImage:
     """Rounded and clipped to uint8."""
     return np.asarray(np.clip(picture + np.float32(0.5), 0.0, 255.0), dtype=np.uint8)

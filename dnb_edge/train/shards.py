@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
+from dnb_edge.train.assets import NO_ASSETS, Assets
+from dnb_edge.train.meshes import load_clutter_meshes, load_vehicle_meshes, read_meshes, save_meshes
 from dnb_edge.train.scene import LABEL_FIELDS, MAX_CARS, SCENE_PX, make_sample
 from dnb_edge.values import BgrImage
 
@@ -26,7 +28,7 @@ _WITH_VEHICLES = ("car-detection", "bicycle", "vehicle", "traffic")
 
 
 def shard_paths(folder: Path, number: int) -> tuple[Path, Path]:
-    """Files of a shard: pictures (n, 2, 224, 224, 3) uint8, image then background; labels (n, MAX_CARS, 6) float32."""
+    """Files of a shard: pictures (n, 2, 192, 192, 3) uint8, image then background; labels (n, MAX_CARS, 6) float32."""
     return folder / f"shard-{number:05d}-pictures.npy", folder / f"shard-{number:05d}-labels.npy"
 
 
@@ -62,13 +64,35 @@ def load_photos(paths: Sequence[Path]) -> list[BgrImage]:
     return out
 
 
-_worker_photos: list[list[BgrImage]] = []
+def load_assets(folder: Path | None, *, cache: Path) -> Assets:
+    """All real material under `folder`; meshes are read from `cache`, which is written where it is not there yet.
+
+    Raises InputError where the folder holds no photographs.
+    """
+    if folder is None:
+        return NO_ASSETS
+    photos, textures = asset_photos(folder)
+    vehicles, clutter = cache / "vehicles.npz", cache / "clutter.npz"
+    cache.mkdir(parents=True, exist_ok=True)
+    if not vehicles.exists():
+        save_meshes(vehicles, load_vehicle_meshes(folder))
+    if not clutter.exists():
+        save_meshes(clutter, load_clutter_meshes(folder))
+    return Assets(
+        photos=load_photos(photos),
+        textures=load_photos(textures),
+        vehicles=read_meshes(vehicles),
+        clutter=read_meshes(clutter),
+    )
 
 
-def _start_worker(photos: Sequence[Path], textures: Sequence[Path]) -> None:
+_worker_assets: list[Assets] = []
+
+
+def _start_worker(folder: Path | None, cache: Path) -> None:
     cv2.setNumThreads(1)
     os.nice(5)
-    _worker_photos[:] = [load_photos(photos), load_photos(textures)]
+    _worker_assets[:] = [load_assets(folder, cache=cache)]
 
 
 def padded(labels: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -78,20 +102,12 @@ def padded(labels: NDArray[np.float32]) -> NDArray[np.float32]:
     return out
 
 
-def write_shard(
-    folder: Path,
-    number: int,
-    seed: int,
-    photos: Sequence[BgrImage],
-    textures: Sequence[BgrImage],
-    *,
-    samples: int = SHARD_SAMPLES,
-) -> None:
+def write_shard(folder: Path, number: int, seed: int, assets: Assets, *, samples: int = SHARD_SAMPLES) -> None:
     """Make and write one shard; the pictures' file appears last and only when whole."""
     pictures = np.empty((samples, 2, SCENE_PX, SCENE_PX, 3), dtype=np.uint8)
     labels = np.zeros((samples, MAX_CARS, LABEL_FIELDS), dtype=np.float32)
     for row in range(samples):
-        sample = make_sample(np.random.default_rng([seed, number * SHARD_SAMPLES + row]), photos, textures)
+        sample = make_sample(np.random.default_rng([seed, number * SHARD_SAMPLES + row]), assets)
         pictures[row, 0], pictures[row, 1] = sample.image, sample.background
         labels[row] = padded(sample.labels)
     pictures_path, labels_path = shard_paths(folder, number)
@@ -103,7 +119,7 @@ def write_shard(
 
 def _shard_job(folder: Path, number: int, seed: int) -> int:
     if not shard_paths(folder, number)[0].exists():
-        write_shard(folder, number, seed, _worker_photos[0], _worker_photos[1])
+        write_shard(folder, number, seed, _worker_assets[0])
     return number
 
 
@@ -112,8 +128,8 @@ def start_shards(
 ) -> tuple[ProcessPoolExecutor, list[Future[int]]]:
     """Begin to make shards `first` .. `first + count - 1` in other processes; the caller shuts the pool down."""
     folder.mkdir(parents=True, exist_ok=True)
-    photos, textures = asset_photos(assets)
+    load_assets(assets, cache=folder)  # fails here, not in a worker, and leaves the meshes ready for them
     pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(photos, textures)
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(assets, folder)
     )
     return pool, [pool.submit(_shard_job, folder, number, seed) for number in range(first, first + count)]

@@ -28,8 +28,8 @@ def test_a_window_shows_the_car_where_its_label_says():
     """A white disc on black, labelled: in every window the target's peak lies on the disc."""
     picture = np.zeros((2, SCENE_PX, SCENE_PX, 3), np.uint8)
     rows, columns = np.mgrid[0:SCENE_PX, 0:SCENE_PX]
-    picture[0][np.hypot(columns - 120, rows - 90) < 6] = 255
-    labels = np.array([[120.0, 90.0, 30.0, 1.0, 0.0, 1.0]], dtype=np.float32)
+    picture[0][np.hypot(columns - 110, rows - 90) < 6] = 255
+    labels = np.array([[110.0, 90.0, 30.0, 1.0, 0.0, 1.0]], dtype=np.float32)
     seen = 0
     for seed in range(40):
         window, targets = make_window(picture, labels, np.random.default_rng(seed))
@@ -46,10 +46,10 @@ def test_a_window_shows_the_car_where_its_label_says():
 
 def test_a_hidden_car_is_neither_asked_for_nor_punished():
     """A label of weight 0 makes no peak and takes its surroundings out of the loss."""
-    targets = targets_for(np.array([[80.0, 80.0, 40.0, 1.0, 0.0, 0.0]], dtype=np.float32))
+    targets = targets_for(np.array([[64.0, 64.0, 40.0, 1.0, 0.0, 0.0]], dtype=np.float32))
     assert targets[0].max() == 0.0
-    assert targets[8, GRID // 2, GRID // 2] == 0.0
-    assert targets[8, 0, 0] == 1.0
+    assert targets[9, GRID // 2, GRID // 2] == 0.0
+    assert targets[9, 0, 0] == 1.0
 
 
 def test_the_difference_is_absent_in_part_of_the_windows():
@@ -61,3 +61,14 @@ def test_the_difference_is_absent_in_part_of_the_windows():
         not make_window(pictures, labels, np.random.default_rng(seed))[0][:, :, 3].any() for seed in range(150)
     )
     assert 15 < absent < 75
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.9])
+def test_the_heading_is_told_as_axis_and_as_sense(heading):
+    """The targets hold the doubled angle, which nose and tail share, and the angle itself, which tells them apart."""
+    label = np.array([[64.0, 64.0, 40.0, math.cos(heading), math.sin(heading), 1.0]], dtype=np.float32)
+    targets = targets_for(label)
+    row, column = np.argwhere(targets[0] >= 0.999)[0]
+    told = targets[5:9, row, column]
+    wanted = (math.cos(2 * heading), math.sin(2 * heading), math.cos(heading), math.sin(heading))
+    assert tuple(told) == pytest.approx(wanted, abs=1e-5)

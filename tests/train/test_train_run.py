@@ -8,6 +8,7 @@ import pytest
 
 from dnb_edge.detect.onnx import load_model
 from dnb_edge.errors import InputError
+from dnb_edge.train.assets import NO_ASSETS
 from dnb_edge.train.shards import write_shard
 
 torch = pytest.importorskip("torch", reason="training needs the extra 'train' (torch)")
@@ -20,7 +21,7 @@ def small_run(tmp_path_factory):
     out = tmp_path_factory.mktemp("train")
     (out / "shards").mkdir()
     # a ready shard of few scenes is kept by the run: no processes have to draw 128
-    write_shard(out / "shards", 0, 3, (), (), samples=6)
+    write_shard(out / "shards", 0, 3, NO_ASSETS, samples=6)
     arguments = ["--out", str(out), "--seed", "3", "--iterations", "2", "--shards", "1", "--batch", "2"]
     return run([*arguments, "--held-out", "2", "--workers", "1", "--checkpoint-every", "1"])
 

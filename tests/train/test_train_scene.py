@@ -9,25 +9,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.errors import InputError
-from dnb_edge.train.camera import look_at_floor
+from dnb_edge.train.camera import overhead_view
 from dnb_edge.train.cars import any_car
 from dnb_edge.train.clutter import any_mover, any_static
-from dnb_edge.train.render import Light, draw
-from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX, make_sample, place_car
+from dnb_edge.train.render import Light, blank, body_of, draw, flatten, visible_share
+from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX, PlacedCar, exposed, label_of, make_sample, place_car
 from dnb_edge.train.shards import SHARD_SAMPLES, asset_photos
 from dnb_edge.train.solids import box
+from dnb_edge.train.stage import random_camera, random_stage
 
 LIGHT = Light(direction=np.array([0.0, 0.0, 1.0]), ambient=0.6, shadow_strength=0.4, shadow_blur_px=1.0)
 
 
-def _view(elevation_deg: float = 50.0, roll: float = 0.0, px_per_m: float = 120.0):
-    return look_at_floor(
-        size_px=SCENE_PX,
-        elevation_rad=math.radians(elevation_deg),
-        distance_m=4.0,
-        px_per_m=px_per_m,
+def _view(pitch_deg: float = 50.0, roll: float = 0.0, radial: tuple[float, float] = (0.0, 0.0)):
+    return overhead_view(
+        width_px=SCENE_PX,
+        height_px=SCENE_PX,
+        camera_height_m=2.0,
+        pitch_rad=math.radians(pitch_deg),
+        field_of_view_rad=math.radians(40.0),
         roll_rad=roll,
-        shear=np.eye(2),
+        radial=radial,
     )
 
 
@@ -52,44 +54,109 @@ def test_samples_are_well_formed(number):
     assert np.all(sample.labels[:, 2] > 0)
 
 
-@given(u=st.floats(30, 190), v=st.floats(30, 190), elevation=st.floats(20, 85), roll=st.floats(-3, 3))
-def test_a_floor_point_projects_back_to_its_pixel(u, v, elevation, roll):
-    """The floor point seen at a pixel projects to that pixel: what labels rest on."""
-    view = _view(elevation, roll)
+@given(
+    u=st.floats(10, 180), v=st.floats(10, 180), pitch=st.floats(30, 90), roll=st.floats(-3, 3), k1=st.floats(-0.3, 0.1)
+)
+def test_a_floor_point_projects_back_to_its_pixel(u, v, pitch, roll, k1):
+    """The floor point seen at a pixel projects to that pixel, through a distorting lens too: what labels rest on."""
+    view = _view(pitch, roll, (k1, 0.02))
     point = view.floor_point((u, v))
     assert point[2] == 0.0
-    assert tuple(view.project(point[None])[0]) == pytest.approx((u, v), abs=1e-6)
+    assert tuple(view.project(point[None])[0]) == pytest.approx((u, v), abs=1e-3)
 
 
-@pytest.mark.parametrize("elevation", [25.0, 50.0, 85.0])
+@given(u=st.floats(5, 185), v=st.floats(5, 185), scale=st.floats(0.3, 3))
+def test_a_crop_shows_the_same_floor_scaled(u, v, scale):
+    """A floor point of the whole picture lies in a crop where scale and shift put it."""
+    view = _view(60.0, 0.1, (-0.2, 0.0))
+    crop = view.cropped(centre_px=(100.0, 80.0), scale=scale, size_px=(64, 48))
+    wanted = ((u - 100.0) * scale + 31.5, (v - 80.0) * scale + 23.5)
+    assert tuple(crop.project(view.floor_point((u, v))[None])[0]) == pytest.approx(wanted, abs=1e-2)
+
+
+def test_the_floor_map_is_the_floor_point_of_each_pixel():
+    """The interpolated map agrees with the exact point to a third of a pixel's size on the floor."""
+    view = _view(45.0, 0.2, (-0.2, 0.03))
+    floor = view.floor_map()
+    assert floor.shape == (SCENE_PX, SCENE_PX, 2)
+    for u, v in ((0, 0), (191, 191), (50, 120), (101, 7)):
+        seen = np.array([[*floor[v, u].astype(float), 0.0]])
+        assert tuple(view.project(seen)[0]) == pytest.approx((u, v), abs=0.35)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_stages_show_a_car_of_the_wanted_size(seed):
+    """Whatever camera is drawn, it looks down from 0.7 to 4 m, and a car at the sample's middle is about 5 to 90 px long."""
+    rng = np.random.default_rng(seed)
+    camera = random_camera(rng)
+    assert 0.7 <= camera.eye_m[2] <= 4.0
+    assert camera.rotation[2, 2] < -0.3  # the optical axis goes down
+    stage = random_stage(rng, car_length_m=0.3, size_px=SCENE_PX)
+    middle = stage.view.floor_point(((SCENE_PX - 1) / 2, (SCENE_PX - 1) / 2))
+    assert 5.0 < 0.3 * stage.view.px_per_m(middle) < 95.0
+
+
+@pytest.mark.parametrize("pitch", [35.0, 50.0, 90.0])
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
-def test_the_label_is_the_projected_middle_of_the_footprint(elevation, yaw):
+def test_the_label_is_the_projected_middle_of_the_footprint(pitch, yaw):
     """A car placed at a pixel is labelled with that pixel, wherever it looks and however steep the view."""
-    view = _view(elevation)
-    car = any_car(np.random.default_rng(5), 0.3)
-    placed = place_car(view, LIGHT, car, (101.25, 130.5), yaw, np.random.default_rng(0))
-    assert placed is not None
-    assert placed.label is not None
-    assert tuple(placed.label[:2]) == pytest.approx((101.25, 130.5), abs=1e-3)
+    view = _view(pitch)
+    body = body_of(any_car(np.random.default_rng(5), 0.3))
+    placed = place_car(view, body, (101.25, 130.5), yaw, np.random.default_rng(0), 0.3)
+    assert tuple(label_of(placed, view)[:2]) == pytest.approx((101.25, 130.5), abs=1e-3)
+
+
+def _drawn(solids, view):
+    canvas = blank(view)
+    assert draw(canvas, body_of(solids), view, LIGHT)
+    return flatten([canvas], view)
 
 
 def test_the_drawn_body_stands_on_its_label():
-    """A flat plate's drawn pixels have their centre of mass at the label: no inflation, no half pixel lost."""
-    view = _view(89.9)
-    plate = [box((0.0, 0.0, 0.0005), (0.3, 0.2, 0.001), (200.0, 200.0, 200.0))]
-    place = view.floor_point((100.3, 120.7))
-    solids = [box((float(place[0]), float(place[1]), 0.0005), (0.3, 0.2, 0.001), (200.0, 200.0, 200.0))]
-    assert len(plate) == len(solids)
-    sprite = draw(solids, view, LIGHT, np.random.default_rng(0))
-    assert sprite is not None
-    rows, columns = np.mgrid[0 : sprite.alpha.shape[0], 0 : sprite.alpha.shape[1]]
-    mass = float(sprite.alpha.sum())
-    middle = (
-        float((columns * sprite.alpha).sum()) / mass + sprite.x_px,
-        float((rows * sprite.alpha).sum()) / mass + sprite.y_px,
-    )
-    assert middle == pytest.approx((100.3, 120.7), abs=0.15)
-    assert mass == pytest.approx(0.3 * 0.2 * 120.0**2, rel=0.06)
+    """A flat plate's drawn pixels have their centre of mass at the label, and no more of them than its area."""
+    view = _view(90.0)
+    at = view.floor_point((90.3, 110.7))
+    _, alpha = _drawn([box((float(at[0]), float(at[1]), 0.0005), (0.3, 0.2, 0.001), (200.0, 200.0, 200.0))], view)
+    rows, columns = np.mgrid[0:SCENE_PX, 0:SCENE_PX]
+    mass = float(alpha.sum())
+    middle = (float((columns * alpha).sum()) / mass, float((rows * alpha).sum()) / mass)
+    assert middle == pytest.approx((90.3, 110.7), abs=0.2)
+    assert mass == pytest.approx(0.3 * 0.2 * view.px_per_m(at) ** 2, rel=0.06)
+
+
+def test_what_is_nearer_hides_what_is_behind():
+    """A high box between camera and car hides the car, and the share that is still seen says so."""
+    view = _view(40.0)
+    car = body_of([box((0.0, 2.4, 0.05), (0.2, 0.1, 0.1), (0.0, 0.0, 255.0))])
+    wall = body_of([box((0.0, 2.2, 0.25), (1.0, 0.02, 0.5), (255.0, 0.0, 0.0))])
+    canvas = blank(view)
+    draw(canvas, car, view, LIGHT)
+    assert visible_share(canvas, car, view) > 0.98
+    draw(canvas, wall, view, LIGHT)
+    assert visible_share(canvas, car, view) < 0.02
+
+
+def test_a_moving_car_is_smeared_along_its_way_about_its_label():
+    """The instants of an exposure are spread over the way driven in it, their middle being where the label stands."""
+    view = _view(90.0)
+    body = body_of([box((0.0, 0.0, 0.01), (0.1, 0.1, 0.02), (255.0, 255.0, 255.0))])
+    car = PlacedCar(body=body, ground_m=(0.0, 0.0), yaw_rad=0.0, travel_m=0.2, exposure=0.5)
+    moments = exposed(car, view, 1e9)
+    middles = [float(moment.corners_m[..., 0].mean()) for moment in moments]
+    assert len(moments) > 2
+    assert np.mean(middles) == pytest.approx(0.0, abs=1e-9)
+    assert max(middles) - min(middles) == pytest.approx(0.1 * (1 - 1 / len(moments)), rel=1e-6)
+
+
+def test_a_rolling_shutter_shows_lower_rows_later():
+    """Driving to the right, the lower rows of a car are further to the right than the upper ones, by the way driven."""
+    view = _view(90.0)
+    body = body_of([box((0.0, 0.0, 0.01), (0.1, 0.3, 0.02), (255.0, 255.0, 255.0))])
+    car = PlacedCar(body=body, ground_m=(0.0, 0.0), yaw_rad=0.0, travel_m=0.2, exposure=0.0)
+    (moment,) = exposed(car, view, SCENE_PX)
+    rows = view.project(moment.corners_m.reshape(-1, 3))[:, 1]
+    shift = (moment.corners_m - body.corners_m)[..., 0].ravel()
+    assert shift[rows.argmax()] - shift[rows.argmin()] == pytest.approx(0.9 * 0.2 * np.ptp(rows) / SCENE_PX, rel=0.05)
 
 
 @settings(max_examples=30, deadline=None)
