@@ -18,7 +18,7 @@ from dnb_edge.train.camera import View
 from dnb_edge.train.cars import any_car
 from dnb_edge.train.clutter import any_mover, any_static
 from dnb_edge.train.effects import Camera, uneven_light
-from dnb_edge.train.floors import laid_texture, paint_lanes, photo_crop, procedural_texture
+from dnb_edge.train.floors import laid_texture, light_patches, paint_lanes, photo_crop, procedural_texture, track_walls
 from dnb_edge.train.meshes import Mesh
 from dnb_edge.train.render import (
     Body,
@@ -251,6 +251,8 @@ def make_sample(rng: Rng, assets: Assets = NO_ASSETS) -> Sample:
     view = stage.view
     base = base_picture(view, car_length, assets, rng)
     static = _things(int(rng.choice([0, 1, 2, 3, 5], p=[0.15, 0.25, 0.25, 0.2, 0.15])), any_static, view, assets, rng)
+    if rng.random() < 0.12:
+        static.append(body_of(track_walls(view, car_length, rng)))
     movers = _things(int(rng.choice([0, 1, 2], p=[0.55, 0.33, 0.12])), any_mover, view, assets, rng)
     left_behind = [mover for mover in movers if rng.random() < 0.25]
     moved_away = _things(int(rng.random() < 0.15), any_mover, view, assets, rng)
@@ -261,6 +263,10 @@ def make_sample(rng: Rng, assets: Assets = NO_ASSETS) -> Sample:
     behind, _ = add_cars(
         *stand(floor, standing, view, light, [*left_behind, *moved_away]), view, light, ghosts, frame_rows_px=rows
     )
+    if rng.random() < 0.3:  # window light, glare, a shadow's edge; now and then one that has moved since
+        patches = light_patches(view, rng)
+        image *= patches
+        behind *= light_patches(view, rng) if rng.random() < 0.25 else patches
     labels = np.zeros((0, LABEL_FIELDS), dtype=np.float32)
     if cars:
         labels = np.stack([label_of(car, view) for car in cars])
