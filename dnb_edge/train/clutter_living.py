@@ -83,7 +83,28 @@ def person(rng: Rng) -> list[Solid]:
         out.append(_bar(ankle, edge, 0.04 * thick, 0.05 * thick, bare))
         out.append(_bar(edge, knee, 0.065 * thick, 0.07 * thick, trousers))
         out.append(_bar(knee, hip, 0.07 * thick, 0.09 * thick, trousers))
-    return out
+    return out + _upper_body(trousers, thick, rng) if rng.random() < 0.7 else out
+
+
+def _upper_body(trousers: Colour, thick: float, rng: Rng) -> list[Solid]:
+    """Hips, trunk, shoulders, arms and head, as a camera above sees them over the legs."""
+    shirt, tone, lean = cloth(rng) if rng.random() < 0.5 else paint(rng), skin(rng), float(rng.uniform(-0.05, 0.3))
+    hair = near(rng, (35, 50, 75), 0.7)
+    shoulder = (lean, 0.0, 1.32)
+    out = [ball((0, 0, 0.93), (0.13 * thick, 0.18 * thick, 0.12), trousers, sides=10)]
+    out.append(limb((0, 0, 0.95), shoulder, (0.14 * thick, 0.16 * thick), shirt, sides=10))
+    out.append(ball(shoulder, (0.13 * thick, 0.24 * thick, 0.11), shirt, sides=10))
+    for side in (-1, 1):
+        elbow = (lean + float(rng.uniform(-0.15, 0.2)), side * 0.27, 1.05)
+        wrist = (
+            elbow[0] + float(rng.uniform(0.0, 0.25)),
+            side * float(rng.uniform(0.1, 0.27)),
+            float(rng.uniform(0.8, 1.05)),
+        )
+        out.append(limb((lean, side * 0.22 * thick, 1.33), elbow, (0.055, 0.045), shirt))
+        out += [limb(elbow, wrist, (0.042, 0.03), tone), ball(wrist, (0.05, 0.04, 0.04), tone)]
+    head = (lean * 1.3, 0.0, 1.57)
+    return [*out, ball(head, (0.1, 0.08, 0.12), tone), ball((head[0] - 0.02, 0, 1.6), (0.105, 0.09, 0.11), hair)]
 
 
 def _bar(a: FloatArray, b: FloatArray, low: float, high: float, colour: Colour) -> Solid:
