@@ -1,8 +1,13 @@
 """What the floor looks like without the cars: a picture at reduced size that follows light and furniture, never a followed car.
 
-Knows pixels and discs in which it must not learn; nothing of cars or networks. A pixel is learnt once it has kept its colour
-over several looks: a ghost (a car that stood there in the first frame) goes so within about a second, a bump of the camera or a
-change of light likewise, and something that drives through is never learnt. Inside the frozen discs nothing is learnt at all.
+Knows pixels and discs in which it must not learn; nothing of cars or networks. It looks at one band of rows a frame, all
+bands in turn. A pixel is learnt once it has kept its colour over several looks: a ghost (a car that stood there in the first
+frame) goes so within a second or two, furniture likewise, and something that drives through is never learnt. Inside the
+frozen discs nothing is learnt at all, nor for a while after a disc has gone: a car that stands still and is lost for a
+moment does not sink in.
+
+A bumped camera or a light switched on changes the picture everywhere at once. The background is then *unsettled*: what
+differs from it tells nothing of cars, and it looks at every band of every frame until it has caught up.
 """
 
 from __future__ import annotations
@@ -16,17 +21,32 @@ from numpy.typing import NDArray
 
 from dnb_edge.values import BgrImage, PointPx
 
+CELL_PX = 4
+"""Side of the cells in which movement is summed up, background px."""
+
+MOVED_LEVEL = 22
+"""Difference from the background, 0..255, above which something counts as moved."""
+
+_BLOCKS = (8, 8)
+"""Columns and rows of the blocks by which a change everywhere is told from one in some places."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BackgroundSettings:
     """How fast the background learns."""
 
-    every_frames: int = 4
-    """It looks at every n-th frame."""
+    bands: int = 8
+    """A frame is looked at in as many bands of rows, one a frame."""
     stable_looks: int = 4
     """A pixel that kept its colour for as many looks is learnt."""
     stable_levels: int = 14
     """Largest change, in levels of 0..255, that still counts as the same colour."""
+    hold_looks: int = 8
+    """As many looks more a pixel waits that was in a frozen disc."""
+    unsettled_share: float = 0.5
+    """The background is unsettled where at least this share of the picture's blocks has moved ..."""
+    settled_share: float = 0.2
+    """... until no more than this share has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,44 +58,72 @@ class Disc:
 
 
 class Background:
-    """The background of one fixed camera."""
+    """The background of one fixed camera, from its first frame at reduced size, `scale` times the full one."""
 
-    def __init__(self, settings: BackgroundSettings | None = None) -> None:
-        self._settings = settings or BackgroundSettings()
-        self._picture: BgrImage | None = None
-        self._last: BgrImage | None = None
-        self._stable: NDArray[np.uint8] | None = None
-        self._frames = 0
+    def __init__(self, reduced: BgrImage, *, scale: float, settings: BackgroundSettings | None = None) -> None:
+        self.settings = settings or BackgroundSettings()
+        self.scale = scale
+        self.picture: BgrImage = reduced.copy()
+        """The floor at the reduced size. Not to be written to."""
+        self.settled = True
+        """False while the picture has changed everywhere and is not learnt yet."""
+        height, width = reduced.shape[:2]
+        self.moved_cells: NDArray[np.uint8] = np.zeros((max(1, height // CELL_PX), max(1, width // CELL_PX)), np.uint8)
+        """Mean difference in each cell when its band was looked at last. Not to be written to."""
+        self._last: BgrImage = reduced.copy()
+        self._ones: NDArray[np.uint8] = np.ones((height, width), np.uint8)
+        self._holds: NDArray[np.uint8] = np.full((height, width), self.settings.hold_looks, np.uint8)
+        self._looks: NDArray[np.uint8] = self._holds.copy()
+        self._rows = max(CELL_PX, -(-height // (self.settings.bands * CELL_PX)) * CELL_PX)
+        self._next = 0
 
-    @property
-    def picture(self) -> BgrImage | None:
-        """The background at the reduced size; None before the first frame. Not to be written to."""
-        return self._picture
+    def rows(self) -> slice:
+        """The rows to look at in the coming frame: the next band; all of them where the background is unsettled."""
+        height = self.picture.shape[0]
+        if not self.settled:
+            return slice(0, height)
+        return slice(self._next, min(height, self._next + self._rows))
 
-    def is_due(self) -> bool:
-        """True where the coming frame should be handed to `update`; counts the frame as seen."""
-        due = self._frames % self._settings.every_frames == 0
-        self._frames += 1
-        return due
+    def compare(self, reduced: BgrImage, rows: slice) -> NDArray[np.uint8]:
+        """Difference of `reduced`, those rows of a frame at reduced size, from the background; (h, w)."""
+        moved = difference(reduced, self.picture[rows])
+        height, width = (side // CELL_PX for side in moved.shape)
+        if height and width:
+            cells = cv2.resize(
+                moved[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA
+            )
+            first = rows.start // CELL_PX
+            self.moved_cells[first : first + height, :width] = cells
+            self._judge()
+        return moved
 
-    def update(self, reduced: BgrImage, *, scale: float, frozen: Sequence[Disc] = ()) -> None:
-        """Learn from a frame at reduced size, `scale` times the full one, outside the `frozen` discs.
-
-        The first frame, or one of another size, becomes the background as it is.
-        """
-        if self._picture is None or self._last is None or self._stable is None or self._picture.shape != reduced.shape:
-            self._picture, self._last = reduced.copy(), reduced.copy()
-            self._stable = np.zeros(reduced.shape[:2], dtype=np.uint8)
-            return
-        kept = difference(reduced, self._last) <= self._settings.stable_levels
-        self._stable = (np.minimum(self._stable, 254) + np.uint8(1)) * kept.astype(np.uint8)
+    def learn(self, reduced: BgrImage, rows: slice, *, frozen: Sequence[Disc] = ()) -> None:
+        """Learn from those rows of a frame, outside the `frozen` discs."""
+        settings = self.settings
+        _, changed = cv2.threshold(
+            difference(reduced, self._last[rows]), settings.stable_levels, 255.0, cv2.THRESH_BINARY
+        )
+        # one look more; what has changed falls back to `hold_looks`, what is frozen to none
+        looks = cv2.min(
+            cv2.add(self._looks[rows], self._ones[rows]), cv2.max(cv2.bitwise_not(changed), self._holds[rows])
+        )
         for disc in frozen:
-            centre = (round((disc.centre_px[0] + 0.5) * scale - 0.5), round((disc.centre_px[1] + 0.5) * scale - 0.5))
-            cv2.circle(self._stable, centre, max(1, round(disc.radius_px * scale)), (0.0,), -1)
-        ready = (self._stable >= self._settings.stable_looks).astype(np.uint8)
-        mixed = cv2.addWeighted(self._picture, 0.5, reduced, 0.5, 0.0)
-        self._picture = np.asarray(cv2.copyTo(mixed, ready, self._picture), dtype=np.uint8)
-        self._last = reduced.copy()
+            u, v = ((at + 0.5) * self.scale - 0.5 for at in disc.centre_px)
+            cv2.circle(looks, (round(u), round(v) - rows.start), max(1, round(disc.radius_px * self.scale)), (0.0,), -1)
+        self._looks[rows] = looks
+        self._last[rows] = reduced
+        _, ready = cv2.threshold(looks, settings.hold_looks + settings.stable_looks - 1, 255.0, cv2.THRESH_BINARY)
+        picture = self.picture[rows]
+        fresh = cv2.addWeighted(picture, 0.5, reduced, 0.5, 0.0) if self.settled else reduced
+        cv2.copyTo(fresh, ready, picture)
+        self._next = rows.stop if rows.stop < self.picture.shape[0] else 0
+
+    def _judge(self) -> None:
+        """Tells a change everywhere from one in some places: how many of the picture's blocks have moved."""
+        _, moved = cv2.threshold(self.moved_cells, MOVED_LEVEL, 255.0, cv2.THRESH_BINARY)
+        blocks = cv2.resize(moved, _BLOCKS, interpolation=cv2.INTER_AREA)
+        share = cv2.countNonZero(cv2.threshold(blocks, 25.0, 255.0, cv2.THRESH_BINARY)[1]) / blocks.size
+        self.settled = share <= (self.settings.settled_share if not self.settled else self.settings.unsettled_share)
 
 
 def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:

@@ -1,9 +1,10 @@
 """The centre detector: our own network over windows round followed cars, or over the whole frame to find them.
 
-Knows frames, search windows and a background; nothing of metres, laps or who is who. With windows it looks at one 160 px crop
-each, in which the car is about 36 px long; without, at the whole frame at reduced size, at one finer tile a frame (all tiles in
-turn), and once more, closely, at the best candidates of this frame and the last. Now and then it does the latter all the same,
-so that a lost car comes back. State: the background and the last candidates; the same frames give the same answers.
+Knows frames, search windows and a background; nothing of metres, laps or who is who. With windows it looks at one small crop
+each, of native pixels whatever the frame's size, and beside them at one piece of the whole frame every few frames and at
+what moved elsewhere. Without windows, or where one came up empty, it searches: the whole frame at reduced size, one finer
+tile (all in turn), and close looks at the best candidates of this frame and the last and at what moves. State: the
+background, the last candidates and whose turn it is; the same frames give the same answers.
 """
 
 from __future__ import annotations
@@ -12,13 +13,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dnb_edge.detect.acquire import Candidate, apart, close_looks, moved_blobs
 from dnb_edge.detect.background import Background, BackgroundSettings, Disc
-from dnb_edge.detect.decode import Peak, peaks
-from dnb_edge.detect.looks import Look, look_pixels, reduce_frame, tile_looks, whole_look, whole_pixels, window_look
+from dnb_edge.detect.looks import Look, halved, halvings, tile_looks, whole_look, window_look
 from dnb_edge.detect.onnx import CentreNetwork
+from dnb_edge.detect.sight import Sight, merged
 from dnb_edge.values import BgrImage, Detection, FrameDetections, SearchWindow
 
 
@@ -26,30 +25,34 @@ from dnb_edge.values import BgrImage, Detection, FrameDetections, SearchWindow
 class CentreDetectorSettings:
     """Sizes, thresholds and rhythms of the centre detector."""
 
-    working_width_px: int = 640
-    """Width of the whole frame as the network and the background see it."""
-    window_px: int = 160
-    window_length_px: float = 36.0
-    """Length of the expected car in a window, network px."""
-    tile_px: tuple[int, int] = (448, 384)
+    whole_width_px: int = 448
+    """Width of the whole frame as the network sees it."""
+    piece_px: tuple[int, int] = (240, 144)
+    """Width and height of the pieces in which the whole frame is looked at while a car is followed, network px."""
+    piece_every: int = 5
+    """While a car is followed one piece is looked at every n-th frame; 0: never."""
+    tile_px: tuple[int, int] = (320, 256)
     """Width and height of a fine tile, network px."""
     fine_width_px: int = 1280
     """Width of the whole frame at the tiles' scale."""
-    full_look_every: int = 30
-    """With windows given, the whole frame is looked at every n-th frame too; 0: never."""
+    overlap_px: int = 32
+    """Neighbouring tiles and pieces overlap by as many network px."""
+    window_px: int = 128
+    window_length_px: float = 44.0
+    """Length of the expected car in a window, network px."""
     acquire_confidence: float = 0.2
     follow_confidence: float = 0.15
     most_detections: int = 12
     close_looks: int = 4
-    """At most as many candidates are looked at closely in a whole-frame pass."""
+    """At most as many candidates are looked at closely in a search."""
+    following_looks: int = 2
+    """At most as many candidates are looked at closely while cars are followed."""
     one_scale_share: float = 0.85
     """Confidence left to something still that was found in a close look and not in the whole frame."""
-    moving_level: int = 22
-    """Difference from the background, 0..255, that counts as moved."""
-    moving_share: float = 0.25
-    """Share of the car's inner pixels that must have moved."""
     frozen_lengths: float = 0.9
     """The background learns nothing within as many car lengths of a followed car."""
+    background_width_px: int = 400
+    """The background is the frame halved as often as it stays at least so wide."""
     background: BackgroundSettings = field(default_factory=BackgroundSettings)
 
 
@@ -59,82 +62,128 @@ class CentreDetector:
     def __init__(self, network: CentreNetwork, settings: CentreDetectorSettings | None = None) -> None:
         self._network = network
         self._settings = settings or CentreDetectorSettings()
-        self._background = Background(self._settings.background)
-        self._candidates: tuple[Detection, ...] = ()
-        self._frames = 0
-        self._tile = 0
+        self._size = (0, 0)
+        self._background: Background | None = None
+        self._found: tuple[Detection, ...] = ()
+        self._places: tuple[Candidate, ...] = ()
+        self._turn = 0
 
     def detect(self, image: BgrImage, *, sequence: int, t_ns: int, windows: Sequence[SearchWindow]) -> FrameDetections:
         """Cars in `image`, (h, w, 3): in the windows, or in the whole frame where there are none; strongest first."""
-        settings = self._settings
-        whole = whole_look(image.shape[1], image.shape[0], settings.working_width_px)
-        periodic = (
-            settings.full_look_every > 0 and self._frames % settings.full_look_every == settings.full_look_every - 1
-        )
-        full_frame = not windows or periodic
-        self._frames += 1
-        due = self._background.is_due()
-        reduced = reduce_frame(image, whole) if full_frame or due or self._changed(whole) else None
-        if reduced is not None and self._changed(whole):
-            self._background.update(reduced, scale=whole.scale)
-        found: list[Detection] = []
-        for window in windows:
-            look = self._window(window.camera_px, window.length_px)
-            found.extend(self._look(image, look, whole.scale, settings.follow_confidence))
-        if full_frame and reduced is not None:
-            found.extend(self._search(image, reduced, whole, fine=not windows))
-        detections = _merged(found, settings.most_detections)
-        if due and reduced is not None:
-            self._background.update(reduced, scale=whole.scale, frozen=self._frozen(windows, detections))
-        self._candidates = detections if full_frame else ()
+        if image.ndim != 3 or image.shape[2] != 3:
+            raise ValueError(f"frame {sequence}: a picture of shape {image.shape}: needs (height, width, 3)")
+        background = self._prepared(image)
+        sight = Sight(self._network, image, background, most=self._settings.most_detections)
+        found = self._followed(sight, windows) if windows else []
+        full_frame = any(not _near(window, found) for window in windows) or not windows
+        if full_frame:
+            found += self._search(sight, image, background, windows, found)
+        else:
+            found += self._aside(sight, image, background, windows, found)
+        detections = merged(found, self._settings.most_detections)
+        self._found = detections if full_frame else tuple(one for one in detections if one.moving)
+        self._turn += 1
         return FrameDetections(sequence=sequence, t_ns=t_ns, detections=detections, full_frame=full_frame)
 
-    def _changed(self, whole: Look) -> bool:
-        """True where there is no background of the frame's size yet."""
-        picture = self._background.picture
-        return picture is None or picture.shape[:2] != (whole.out_height_px, whole.out_width_px)
+    def _prepared(self, image: BgrImage) -> Background:
+        """The background; a frame of another size than the last starts afresh."""
+        height, width = image.shape[:2]
+        if self._background is None or self._size != (width, height):
+            times = halvings(width, self._settings.background_width_px)
+            self._background = Background(halved(image, times), scale=0.5**times, settings=self._settings.background)
+            self._size, self._found, self._places, self._turn = (width, height), (), (), 0
+        return self._background
 
-    def _window(self, centre_px: tuple[float, float], length_px: float) -> Look:
+    @property
+    def _step_px(self) -> int:
+        """Frame px to one of the background's."""
+        return 1 if self._background is None else round(1.0 / self._background.scale)
+
+    def _window(self, place: SearchWindow | Candidate) -> Look:
         settings = self._settings
         return window_look(
-            centre_px, max(6.0, length_px), window_px=settings.window_px, window_length_px=settings.window_length_px
+            place.camera_px,
+            max(6.0, place.length_px),
+            window_px=settings.window_px,
+            window_length_px=settings.window_length_px,
+            step_px=self._step_px,
         )
 
-    def _frozen(self, windows: Sequence[SearchWindow], detections: Sequence[Detection]) -> list[Disc]:
-        """Discs round the followed cars, where they were expected and where they were found."""
-        share = self._settings.frozen_lengths
-        discs = [Disc(centre_px=window.camera_px, radius_px=share * window.length_px) for window in windows]
-        discs.extend(
-            Disc(centre_px=found.camera_px, radius_px=share * found.length_px)
-            for window in windows
-            for found in detections
-            if math.dist(found.camera_px, window.camera_px) < 2.0 * window.length_px and found.confidence > 0.3
+    def _tiles(self, working_width_px: int, tile_px: tuple[int, int]) -> list[Look]:
+        return tile_looks(
+            *self._size,
+            working_width_px=working_width_px,
+            tile_px=tile_px,
+            overlap_px=self._settings.overlap_px,
+            step_px=self._step_px,
         )
-        return discs
 
-    def _search(self, image: BgrImage, reduced: BgrImage, whole: Look, *, fine: bool) -> list[Detection]:
-        """The whole frame at reduced size, one fine tile where `fine`, and close looks at the best candidates."""
+    def _followed(self, sight: Sight, windows: Sequence[SearchWindow]) -> list[Detection]:
+        """What is in the windows, and in the close looks that the last frame asked for: one batch for the network."""
+        places = close_looks(_elsewhere(windows, self._found), self._places, self._settings.following_looks)
+        looks = [*map(self._window, windows), *map(self._window, places)]
+        seen = sight.look(looks, least_confidence=self._settings.follow_confidence)
+        return [one for some in seen for one in some]
+
+    def _aside(
+        self,
+        sight: Sight,
+        image: BgrImage,
+        background: Background,
+        windows: Sequence[SearchWindow],
+        found: Sequence[Detection],
+    ) -> list[Detection]:
+        """While cars are followed: one band for the background, now and then a piece of the whole frame, and what moves."""
         settings = self._settings
-        background = self._background.picture
-        if background is None:
+        frozen = self._frozen(windows, found)
+        rows = background.rows()
+        reduced = halved(image[rows.start * self._step_px : rows.stop * self._step_px], halvings_of(background))
+        background.compare(reduced, rows)
+        background.learn(reduced, rows, frozen=frozen)
+        self._places = ()
+        if rows.stop == background.picture.shape[0] and background.settled:
+            blobs = moved_blobs(background.moved_cells, scale=background.scale, frozen=frozen)
+            self._places = tuple(blobs[: settings.following_looks])
+        if not settings.piece_every or self._turn % settings.piece_every:
             return []
-        coarse = self._detections(whole_pixels(reduced, background), whole, settings.acquire_confidence)
-        at_whole = tuple(coarse)
-        tiles = tile_looks(
-            whole.width_px, whole.height_px, fine_width_px=settings.fine_width_px, tile_px=settings.tile_px
-        )
-        if tiles and fine:
-            coarse.extend(self._look(image, tiles[self._tile % len(tiles)], whole.scale, settings.acquire_confidence))
-            self._tile += 1
-        candidates = _merged([*coarse, *self._candidates], settings.close_looks)
-        close: list[Detection] = []
-        for candidate in candidates:
-            look = self._window(candidate.camera_px, candidate.length_px)
-            close.extend(self._look(image, look, whole.scale, settings.acquire_confidence))
-        close = [self._weighed(found, at_whole) for found in close]
-        seen = [(candidate.camera_px, candidate.length_px) for candidate in candidates]
-        unseen = [found for found in coarse if all(math.dist(found.camera_px, at) > length for at, length in seen)]
-        return [*close, *(replace(found, confidence=found.confidence * 0.8) for found in unseen)]
+        pieces = self._tiles(settings.whole_width_px, settings.piece_px)
+        piece = pieces[self._turn // settings.piece_every % len(pieces)]
+        seen = sight.look([piece], least_confidence=settings.acquire_confidence)[0]
+        known = [one for one in seen if all(apart(one.camera_px, other) for other in found)]
+        return [replace(one, confidence=0.8 * one.confidence) for one in known]
+
+    def _search(
+        self,
+        sight: Sight,
+        image: BgrImage,
+        background: Background,
+        windows: Sequence[SearchWindow],
+        found: Sequence[Detection],
+    ) -> list[Detection]:
+        """The whole frame at reduced size, one fine tile, and close looks at the best candidates."""
+        settings = self._settings
+        reduced = halved(image, halvings_of(background))
+        moved = background.compare(reduced, slice(0, reduced.shape[0]))
+        frozen = self._frozen(windows, found)
+        whole = whole_look(*self._size, settings.whole_width_px)
+        at_whole = sight.whole(reduced, moved, whole, least_confidence=settings.acquire_confidence)
+        coarse = list(at_whole)
+        tiles = self._tiles(settings.fine_width_px, settings.tile_px)
+        if len(tiles) > 1:
+            tile = tiles[self._turn % len(tiles)]
+            coarse += sight.look([tile], least_confidence=settings.acquire_confidence)[0]
+        blobs = moved_blobs(background.moved_cells, scale=background.scale) if background.settled else []
+        places = close_looks(merged([*coarse, *self._found], settings.close_looks), blobs, settings.close_looks)
+        looks = [self._window(place) for place in places]
+        close = [
+            self._weighed(one, at_whole)
+            for some in sight.look(looks, least_confidence=settings.acquire_confidence)
+            for one in some
+        ]
+        rows = background.rows()
+        background.learn(reduced[rows], rows, frozen=frozen)
+        unseen = [one for one in coarse if all(apart(one.camera_px, place) for place in places)]
+        return [*close, *(replace(one, confidence=0.8 * one.confidence) for one in unseen)]
 
     def _weighed(self, found: Detection, at_whole: Sequence[Detection]) -> Detection:
         """A still find is less sure where the whole frame did not show it too: small things look like cars from near."""
@@ -142,48 +191,33 @@ class CentreDetector:
         share = 1.0 if agreed or found.moving else self._settings.one_scale_share
         return replace(found, confidence=found.confidence * share)
 
-    def _look(self, image: BgrImage, look: Look, background_scale: float, least: float) -> list[Detection]:
-        background = self._background.picture
-        if background is None:
-            return []
-        return self._detections(look_pixels(image, background, look, background_scale), look, least)
-
-    def _detections(self, pixels: NDArray[np.uint8], look: Look, least: float) -> list[Detection]:
-        found = peaks(self._network(pixels), least_confidence=least, most=self._settings.most_detections)
-        inside = [peak for peak in found if peak.u_px < look.out_width_px and peak.v_px < look.out_height_px]
-        return [self._detection(peak, pixels[:, :, 3], look) for peak in inside]
-
-    def _detection(self, peak: Peak, moved: NDArray[np.uint8], look: Look) -> Detection:
-        u, v = look.to_frame(peak.u_px, peak.v_px)
-        return Detection(
-            camera_px=(u, v),
-            sigma_px=peak.sigma_px / look.scale,
-            length_px=peak.length_px / look.scale,
-            confidence=peak.confidence,
-            heading_rad=peak.heading_rad,
-            moving=self._has_moved(peak, moved),
+    def _frozen(self, windows: Sequence[SearchWindow], found: Sequence[Detection]) -> list[Disc]:
+        """Discs round the followed cars, where they were expected and where they were found."""
+        share = self._settings.frozen_lengths
+        discs = [Disc(centre_px=window.camera_px, radius_px=share * window.length_px) for window in windows]
+        discs.extend(
+            Disc(centre_px=one.camera_px, radius_px=share * one.length_px)
+            for window in windows
+            for one in found
+            if one.confidence > 0.3 and math.dist(one.camera_px, window.camera_px) < 2.0 * window.length_px
         )
-
-    def _has_moved(self, peak: Peak, moved: NDArray[np.uint8]) -> bool:
-        """True where enough of the car's middle, a little above its ground point, differs from the background."""
-        reach = max(2.0, 0.3 * peak.length_px)
-        top, bottom = max(0, round(peak.v_px - 1.3 * reach)), max(1, round(peak.v_px + 0.5 * reach) + 1)
-        left, right = max(0, round(peak.u_px - reach)), max(1, round(peak.u_px + reach) + 1)
-        patch = moved[top:bottom, left:right]
-        # a change of the light differs everywhere: only what differs more has moved
-        level = self._settings.moving_level + float(np.median(moved[::8, ::8]))
-        return bool(patch.size) and float((patch > level).mean()) >= self._settings.moving_share
+        return discs
 
 
-def _rank(found: Detection) -> float:
-    """What has moved goes before what has not, unless that is much surer."""
-    return found.confidence + (0.3 if found.moving else 0.0)
+def halvings_of(background: Background) -> int:
+    """How often the frame was halved to the background's size."""
+    return round(math.log2(1.0 / background.scale))
 
 
-def _merged(found: Sequence[Detection], most: int) -> tuple[Detection, ...]:
-    """The detections by rank, without those within 0.4 lengths of a better one."""
-    kept: list[Detection] = []
-    for detection in sorted(found, key=lambda one: (-_rank(one), one.camera_px)):
-        if all(math.dist(detection.camera_px, other.camera_px) > 0.4 * other.length_px for other in kept):
-            kept.append(detection)
-    return tuple(kept[:most])
+def _near(window: SearchWindow, found: Sequence[Detection]) -> bool:
+    """True where something was found about where the window's car is expected."""
+    return any(math.dist(one.camera_px, window.camera_px) < 1.5 * window.length_px for one in found)
+
+
+def _elsewhere(windows: Sequence[SearchWindow], found: Sequence[Detection]) -> list[Detection]:
+    """What was found well away from all the windows."""
+    return [
+        one
+        for one in found
+        if all(math.dist(one.camera_px, window.camera_px) > 1.5 * window.length_px for window in windows)
+    ]

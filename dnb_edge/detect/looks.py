@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dnb_edge.detect.background import difference
+from dnb_edge.detect.background import MOVED_LEVEL, difference
 from dnb_edge.detect.onnx import SIDE_MULTIPLE_PX
 from dnb_edge.values import BgrImage, PointPx
 
@@ -41,12 +41,17 @@ class Look:
         )
 
 
-def window_look(centre_px: PointPx, length_px: float, *, window_px: int, window_length_px: float) -> Look:
-    """A square window about `centre_px` in which a car of `length_px` frame px is `window_length_px` long."""
-    side = max(16, round(window_px * length_px / window_length_px))
+def window_look(
+    centre_px: PointPx, length_px: float, *, window_px: int, window_length_px: float, step_px: int = 1
+) -> Look:
+    """A square window about `centre_px` in which a car of `length_px` frame px is about `window_length_px` long.
+
+    Its edges are multiples of `step_px`, the background's cell in frame px, so that both are cut alike.
+    """
+    side = max(1, round(max(16.0, window_px * length_px / window_length_px) / step_px)) * step_px
     return Look(
-        left_px=round(centre_px[0] - side / 2),
-        top_px=round(centre_px[1] - side / 2),
+        left_px=round((centre_px[0] + 0.5 - side / 2) / step_px) * step_px,
+        top_px=round((centre_px[1] + 0.5 - side / 2) / step_px) * step_px,
         width_px=side,
         height_px=side,
         out_width_px=window_px,
@@ -67,29 +72,68 @@ def whole_look(width_px: int, height_px: int, working_width_px: int) -> Look:
     )
 
 
-def tile_looks(width_px: int, height_px: int, *, fine_width_px: int, tile_px: tuple[int, int]) -> list[Look]:
-    """Overlapping tiles that cover the frame at a finer scale; none where the frame is no larger than a tile."""
-    scale = min(1.0, fine_width_px / width_px)
-    tile_width, tile_height = (
-        min(full, round(side / scale)) for full, side in zip((width_px, height_px), tile_px, strict=True)
-    )
-    if tile_width >= width_px and tile_height >= height_px:
-        return []
-    columns, rows = -(-width_px // tile_width), -(-height_px // tile_height)
-    lefts = np.linspace(0, width_px - tile_width, columns).round().astype(int)
-    tops = np.linspace(0, height_px - tile_height, rows).round().astype(int)
+def tile_looks(
+    width_px: int,
+    height_px: int,
+    *,
+    working_width_px: int,
+    tile_px: tuple[int, int],
+    overlap_px: int = 0,
+    step_px: int = 1,
+) -> list[Look]:
+    """Tiles of `tile_px` network px that cover the frame where it is `working_width_px` wide; one where it fits into one.
+
+    Neighbours overlap by at least about `overlap_px` network px, so that a car on a seam is whole in one of them.
+    """
+    scale = min(1.0, working_width_px / width_px)
+    overlap = round(overlap_px / scale)
+    width, height = (min(full, round(side / scale)) for full, side in zip((width_px, height_px), tile_px, strict=True))
     return [
         Look(
-            left_px=int(left),
-            top_px=int(top),
-            width_px=tile_width,
-            height_px=tile_height,
-            out_width_px=max(1, round(tile_width * scale)),
-            out_height_px=max(1, round(tile_height * scale)),
+            left_px=left,
+            top_px=top,
+            width_px=width,
+            height_px=height,
+            out_width_px=max(1, round(width * scale)),
+            out_height_px=max(1, round(height * scale)),
         )
-        for top in tops
-        for left in lefts
+        for top in _starts(height_px, height, overlap, step_px)
+        for left in _starts(width_px, width, overlap, step_px)
     ]
+
+
+def _starts(full: int, side: int, overlap: int, step: int) -> list[int]:
+    """Where tiles of `side` begin so that they cover `full`, at multiples of `step` but for the last."""
+    if side >= full:
+        return [0]
+    count = -(-(full - overlap) // max(1, side - overlap))
+    return [(full - side) * i // (count - 1) // step * step for i in range(count - 1)] + [full - side]
+
+
+def halvings(width_px: int, least_width_px: int) -> int:
+    """How often a frame can be halved and stays at least `least_width_px` wide: halving is the cheapest way to reduce."""
+    times = 0
+    while width_px >> (times + 1) >= least_width_px:
+        times += 1
+    return times
+
+
+def halved(image: BgrImage, times: int) -> BgrImage:
+    """The picture halved so often, each pixel the mean of its four; what is left over at the right and below falls away."""
+    for _ in range(times):
+        height, width = image.shape[0] // 2, image.shape[1] // 2
+        even = image[: 2 * height, : 2 * width]
+        image = np.asarray(cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return image
+
+
+def resized(image: BgrImage, size: tuple[int, int]) -> BgrImage:
+    """The picture at `size` (width, height): halved as long as it is twice as large, then interpolated."""
+    while image.shape[1] >= 2 * size[0] and image.shape[0] >= 2 * size[1]:
+        image = halved(image, 1)
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
 def _cut(image: BgrImage, look: Look) -> BgrImage:
@@ -108,38 +152,26 @@ def _cut(image: BgrImage, look: Look) -> BgrImage:
     )
     if any(borders):
         part = np.asarray(cv2.copyMakeBorder(part, *borders, cv2.BORDER_REPLICATE), dtype=np.uint8)
-    size = (look.out_width_px, look.out_height_px)
-    if part.shape[:2] == size[::-1]:
-        return part
-    method = cv2.INTER_AREA if look.scale < 1.0 else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(part, size, interpolation=method), dtype=np.uint8)
+    return resized(part, (look.out_width_px, look.out_height_px))
 
 
-def _difference_cut(image: BgrImage, background: BgrImage, look: Look, scale: float) -> NDArray[np.uint8]:
-    """The look's part of the difference from a background that is `scale` times the frame's size.
+def _difference_cut(image: BgrImage, background: BgrImage, look: Look, times: int) -> NDArray[np.uint8]:
+    """The look's part of the difference from a background that is the frame halved `times` times; before resizing.
 
     Compared at the background's own resolution, since what the background cannot resolve would look like motion.
     """
     rows, columns = background.shape[:2]
-    left, top = math.floor(look.left_px * scale) - 1, math.floor(look.top_px * scale) - 1
-    right = math.ceil((look.left_px + look.width_px) * scale) + 1
-    bottom = math.ceil((look.top_px + look.height_px) * scale) + 1
-    left, top, right, bottom = max(0, left), max(0, top), min(columns, right), min(rows, bottom)
-    size = (look.out_width_px, look.out_height_px)
-    if right - left < 2 or bottom - top < 2:
-        return np.zeros(size[::-1], dtype=np.uint8)
-    x0, y0, x1, y1 = (round(edge / scale) for edge in (left, top, right, bottom))
-    part = cv2.resize(image[y0:y1, x0:x1], (right - left, bottom - top), interpolation=cv2.INTER_AREA)
-    apart = difference(np.asarray(part, dtype=np.uint8), background[top:bottom, left:right])
-    step_u = look.width_px / look.out_width_px * scale
-    step_v = look.height_px / look.out_height_px * scale
-    first_u, first_v = look.to_frame(0.0, 0.0)
-    shift_u, shift_v = (first_u + 0.5) * scale - 0.5 - left, (first_v + 0.5) * scale - 0.5 - top
-    transform = np.array([[step_u, 0.0, shift_u], [0.0, step_v, shift_v]])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(
-        cv2.warpAffine(apart, transform, size, flags=flags, borderMode=cv2.BORDER_CONSTANT), dtype=np.uint8
-    )
+    left, top = look.left_px >> times, look.top_px >> times
+    right, bottom = (look.left_px + look.width_px) >> times, (look.top_px + look.height_px) >> times
+    x0, y0, x1, y1 = max(0, left), max(0, top), min(columns, right), min(rows, bottom)
+    if x1 - x0 < 2 or y1 - y0 < 2:
+        return np.zeros((2, 2), dtype=np.uint8)
+    part = halved(image[y0 << times : y1 << times, x0 << times : x1 << times], times)
+    apart = difference(part, background[y0:y1, x0:x1])
+    borders = (y0 - top, bottom - y1, x0 - left, right - x1)
+    if any(borders):
+        apart = np.asarray(cv2.copyMakeBorder(apart, *borders, cv2.BORDER_CONSTANT, value=(0.0,)), dtype=np.uint8)
+    return apart
 
 
 def _padded(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -152,21 +184,34 @@ def _padded(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _stacked(part: BgrImage, moved: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Colour and difference as four channels; several times faster than numpy's own stacking."""
-    out = np.empty((*part.shape[:2], 4), dtype=np.uint8)
-    cv2.mixChannels([part, moved], [out], [0, 0, 1, 1, 2, 2, 3, 3])
-    return out
+    if moved.shape != part.shape[:2]:
+        size = (part.shape[1], part.shape[0])
+        moved = np.asarray(cv2.resize(moved, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    return _padded(np.asarray(cv2.merge([part, moved]), dtype=np.uint8))
 
 
-def reduce_frame(image: BgrImage, look: Look) -> BgrImage:
-    """The whole frame at the working size."""
-    return _cut(image, look)
+def whole_pixels(reduced: BgrImage, moved: NDArray[np.uint8], look: Look) -> NDArray[np.uint8]:
+    """The network's input (h, w, 4), sides padded to multiples of 16, of the whole frame.
+
+    `reduced` is the frame at any reduced size, `moved` its difference from the background at any size.
+    """
+    return _stacked(resized(reduced, (look.out_width_px, look.out_height_px)), moved)
 
 
-def whole_pixels(reduced: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
-    """The network's input (h, w, 4), sides padded to multiples of 16, of a reduced frame and the background of its size."""
-    return _padded(_stacked(reduced, difference(reduced, background)))
+def look_pixels(
+    image: BgrImage, background: BgrImage | None, look: Look, background_scale: float, *, most_moved: float = 1.0
+) -> NDArray[np.uint8]:
+    """The network's input (h, w, 4), sides padded to multiples of 16, for one look.
 
-
-def look_pixels(image: BgrImage, background: BgrImage, look: Look, background_scale: float) -> NDArray[np.uint8]:
-    """The network's input (h, w, 4), sides padded to multiples of 16, for one look."""
-    return _padded(_stacked(_cut(image, look), _difference_cut(image, background, look, background_scale)))
+    `background` is the frame halved some times, `background_scale` its size over the frame's: 1, 1/2, 1/4 ... The difference
+    is zero where there is no background, and where more than the share `most_moved` has moved: then the light has changed.
+    """
+    part = _cut(image, look)
+    if background is None:
+        return _stacked(part, np.zeros(part.shape[:2], dtype=np.uint8))
+    moved = _difference_cut(image, background, look, round(math.log2(1.0 / background_scale)))
+    if most_moved < 1.0:
+        _, over = cv2.threshold(moved, MOVED_LEVEL, 255.0, cv2.THRESH_BINARY)
+        if cv2.countNonZero(over) > most_moved * over.size:
+            moved = np.zeros_like(moved)
+    return _stacked(part, moved)
