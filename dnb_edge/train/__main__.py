@@ -15,13 +15,15 @@ import torch
 
 from dnb_edge.detect.onnx import load_model
 from dnb_edge.errors import DnbEdgeError, InputError
-from dnb_edge.train.card import file_sha256, model_card, write_card
+from dnb_edge.train.assets import Assets
+from dnb_edge.train.card import file_sha256, model_card, photo_and_mesh_attributions, write_card
 from dnb_edge.train.learn import Schedule, ShardReader, train
-from dnb_edge.train.network import CentreNet, parameter_count, to_input
-from dnb_edge.train.quantise import quantise
-from dnb_edge.train.scene import make_sample
+from dnb_edge.train.network import CentreNet, parameter_count, scale_sigma, to_input
+from dnb_edge.train.quantise import export_float, quantise
+from dnb_edge.train.scene import Sample, make_sample
 from dnb_edge.train.shards import SHARD_SAMPLES, load_assets, start_shards
-from dnb_edge.train.validate import window_figures
+from dnb_edge.train.validate import sigma_scale, window_figures
+from dnb_edge.train.weights import save_weights, weights_path
 
 _LOG = logging.getLogger("dnb_edge.train")
 _HELD_OUT_SEED = 1_000_000
@@ -53,19 +55,30 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     return given
 
 
-def _finish(network: CentreNet, given: argparse.Namespace, command: str) -> Path:
-    """Quantise, measure on held-out samples, write the card; the model's path."""
-    rng = np.random.default_rng([given.seed, 2**31 + 1])
-    calibration = ShardReader(given.out / "shards").batch(range(min(20, given.shards)), 96, rng).inputs
-    path: Path = given.out / f"{given.name}.onnx"
-    quantise(network, path, [to_input(torch.from_numpy(one[None])).numpy() for one in calibration])
-    write_card(path, {"sha256": file_sha256(path)})
-    assets = load_assets(given.assets, cache=given.out / "shards")
-    held_out = [
-        make_sample(np.random.default_rng([given.seed + _HELD_OUT_SEED, number]), assets)
+def _held_out(given: argparse.Namespace, assets: Assets, *, first: int) -> list[Sample]:
+    """Samples that training never sees, `--held-out` of them from number `first` on."""
+    return [
+        make_sample(np.random.default_rng([given.seed + _HELD_OUT_SEED, first + number]), assets)
         for number in range(given.held_out)
     ]
-    int8 = load_model(path)
+
+
+def _finish(network: CentreNet, given: argparse.Namespace, command: str) -> Path:
+    """Quantise, set the scale of the sigmas, measure on held-out samples, write model, weights and card; the model's path."""
+    rng = np.random.default_rng([given.seed, 2**31 + 1])
+    windows = ShardReader(given.out / "shards").batch(range(min(20, given.shards)), 96, rng).inputs
+    calibration = [to_input(torch.from_numpy(one[None])).numpy() for one in windows]
+    path: Path = given.out / f"{given.name}.onnx"
+    assets = load_assets(given.assets, cache=given.out / "shards")
+    quantise(network, path, calibration)
+    write_card(path, {"sha256": file_sha256(path)})
+    scale = sigma_scale(load_model(path), _held_out(given, assets, first=1_000_000))
+    scale_sigma(network, scale)
+    quantise(network, path, calibration)
+    export_float(network, path.with_suffix(".float.onnx"))
+    save_weights(weights_path(path), network)
+    write_card(path, {"sha256": file_sha256(path)})
+    int8, held_out = load_model(path), _held_out(given, assets, first=0)
     metrics = {
         "held_out_samples": given.held_out,
         "window_with_background": window_figures(int8, held_out, with_background=True),
@@ -78,7 +91,7 @@ def _finish(network: CentreNet, given: argparse.Namespace, command: str) -> Path
         samples=given.shards * SHARD_SAMPLES,
         parameters=parameter_count(network),
         command=command,
-        with_assets=given.assets is not None,
+        attributions=[] if given.assets is None else photo_and_mesh_attributions(given.assets),
         metrics=metrics,
     )
     write_card(path, card)
@@ -113,7 +126,6 @@ def run(arguments: Sequence[str] | None = None) -> Path:
         )
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-    torch.save(network.state_dict(), given.out / f"{given.name}.pt")
     path = _finish(network, given, command)
     _LOG.info("wrote %s", path)
     return path

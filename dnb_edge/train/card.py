@@ -12,6 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from dnb_edge.train.meshes import attributions as mesh_attributions
+
 ATTRIBUTIONS = (
     "Playing-card photographs: Apache-2.0, (c) EdjeElectronics, TensorFlow-Object-Detection-API-Tutorial",
     "Video frames of sam2's demo: Apache-2.0, (c) Meta",
@@ -27,6 +29,12 @@ ATTRIBUTIONS = (
 """Photographs that a model trained with --assets has seen as backdrops, floor textures and negatives."""
 
 
+def photo_and_mesh_attributions(assets: Path) -> list[str]:
+    """Whose photographs and meshes a model trained with `assets` has seen, and under which licence."""
+    meshes = mesh_attributions(assets)
+    return [*ATTRIBUTIONS, *(f"Mesh {mesh['folder']}: {mesh['licence']}, from {mesh['repo']}" for mesh in meshes)]
+
+
 def file_sha256(path: Path) -> str:
     """SHA-256 of a file, hexadecimal."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
@@ -40,7 +48,7 @@ def model_card(
     samples: int,
     parameters: int,
     command: str,
-    with_assets: bool,
+    attributions: list[str],
     metrics: dict[str, Any],
 ) -> dict[str, Any]:
     """The card of the model in `path`."""
@@ -50,18 +58,18 @@ def model_card(
         "bytes": path.stat().st_size,
         "licence": "GPL-3.0-or-later",
         "task": "ground-contact points of miniature cars in pictures of a fixed camera",
-        "input": "pixels (1, 4, h, w) float32 0..1: blue, green, red, difference from the background; h, w multiples of 16",
-        "outputs": "heat, offset, size, heading, spread at stride 4; see dnb_edge/train/network.py",
+        "input": "pixels (n, h, w, 4) uint8: blue, green, red, difference from the background; h, w multiples of 16",
+        "outputs": "maps (n, 9, h / 4, w / 4): heat, offset (2), size, heading (4), spread; see dnb_edge/train/network.py",
         "quantisation": "static int8, QDQ, U8S8, per channel, MinMax on synthetic windows",
-        "car_length_px": [14, 60],
+        "car_length_px": [12, 80],
         "parameters": parameters,
         "seed": seed,
         "iterations": iterations,
         "samples": samples,
         "command": command,
         "data": "synthetic scenes drawn by dnb_edge.train.scene from the seed: floors, lanes, cars, clutter, light, camera"
-        + ("; photographs as backdrops, floor textures and negatives" if with_assets else "; no photographs"),
-        "attributions": list(ATTRIBUTIONS) if with_assets else [],
+        + ("; photographs as backdrops, floors and negatives; meshes of vehicles and clutter" if attributions else ""),
+        "attributions": attributions,
         "packages": {
             name: version(name) for name in ("torch", "onnx", "onnxruntime", "numpy", "opencv-python-headless")
         },

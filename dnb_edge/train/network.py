@@ -12,6 +12,8 @@ background over the three; h and w multiples of 16. Outputs, each (n, c, h / 4, 
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -63,3 +65,11 @@ def parameter_count(network: nn.Module) -> int:
 def to_input(pictures: Tensor) -> Tensor:
     """(n, h, w, 4) uint8 to the network's (n, 4, h, w) float32 in 0..1."""
     return pictures.permute(0, 3, 1, 2).to(torch.float32).div_(255.0)
+
+
+def scale_sigma(network: CentreNet, factor: float) -> None:
+    """Make every stated sigma `factor` times as large, in place."""
+    head = network.heads["spread"]
+    if isinstance(head, nn.Conv2d) and head.bias is not None:
+        with torch.no_grad():
+            head.bias += math.log(factor)
