@@ -86,7 +86,7 @@ def rod(start_m: FloatArray, end_m: FloatArray, radius_m: float, colour: Colour)
     gain = radius_m / math.hypot(*side)
     p, q, r = (value * gain for value in side)
     u, v, w = q * z - r * y, r * x - p * z, p * y - q * x
-    ring = ((-p - u, -q - v, -r - w), (p - u, q - v, r - w), (p + u, q + v, r + w), (u - p, v - q, w - r))
+    ring = ((u - p, v - q, w - r), (p + u, q + v, r + w), (p - u, q - v, r - w), (-p - u, -q - v, -r - w))
     section = np.array(ring)
     corners = np.concatenate((section + start_m, section + end_m))
     return Solid(vertices_m=corners, faces=_BOX_FACES, colour=colour)

@@ -7,7 +7,7 @@ import pytest
 
 from dnb_edge.errors import InputError
 from dnb_edge.train.cars import any_car, car_kinds, stood
-from dnb_edge.train.solids import box, loft, prism, rounded_section
+from dnb_edge.train.solids import box, loft, prism, rod, rounded_section
 
 SEEDS = range(12)
 
@@ -90,6 +90,7 @@ def test_stood_scales_lowers_and_centres():
     [
         box((0, 0, 0), (1, 1, 1), (0, 0, 0)),
         *(prism((0, 0, 0), 1.0, 1.0, (0, 0, 0), axis=axis, top_scale=0.7) for axis in "xyz"),
+        *(rod(np.zeros(3), np.array(end, dtype=float), 0.1, (0, 0, 0)) for end in ((1, 2, 3), (0, 0, 1), (-1, 0.5, 0))),
         *loft(
             [(x, rounded_section(w, 0.0, h)) for x, w, h in ((0, 1, 1), (1, 1.2, 1.5), (2, 0.5, 0.5))], ((0, 0, 0),) * 6
         ),
