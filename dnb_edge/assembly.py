@@ -27,7 +27,7 @@ from dnb_edge.detect.centre import CentreDetector
 from dnb_edge.detect.onnx import default_model_path, load_model
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.errors import InputError
-from dnb_edge.motion.follow import MotionSettings
+from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.laps import LapRules
 from dnb_edge.record.channels import TrackScene

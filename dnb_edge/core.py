@@ -7,31 +7,40 @@ the recording, so a recording can be scored again bit for bit.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dnb_edge import wire
-from dnb_edge.motion.follow import Followed, Follower, MotionSettings
-from dnb_edge.motion.kalman import predict
-from dnb_edge.race.crossing import CrossingSettings, LineWatch
-from dnb_edge.race.fix import Fix, Progress
-from dnb_edge.race.laps import DrivenLap, LapMachine, LapRules, LapState
+from dnb_edge.motion.appearance import Sighting
+from dnb_edge.motion.follow import Follower
+from dnb_edge.motion.settings import MotionSettings
+from dnb_edge.motion.target import Followed
+from dnb_edge.race.car import CarRace, Passed
+from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.race.fix import Fix
+from dnb_edge.race.laps import DrivenLap, LapRules
 from dnb_edge.score.similarity import ScoreSettings, score_lap
-from dnb_edge.track.model import START_LINE, Track
+from dnb_edge.track.model import Track
 from dnb_edge.values import (
-    Crossing,
     Detection,
     Event,
     FrameDetections,
     Lap,
     Observation,
+    PointM,
     Score,
     SearchWindow,
     TargetState,
 )
 from dnb_edge.view.ground import GroundMap
+
+_BEFORE = {"regain_s": 0.0}
+"""Settings of recordings from before these settings existed: what the core did then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +78,7 @@ class CoreSetup:
             return cls(
                 track=Track.from_dict(data["track"]),
                 ground=GroundMap.from_dict(data["ground"]),
-                motion=wire.from_dict(MotionSettings, data["motion"]),
+                motion=wire.from_dict(MotionSettings, _BEFORE | data["motion"]),
                 crossing=wire.from_dict(CrossingSettings, data["crossing"]),
                 laps=wire.from_dict(LapRules, data["laps"]),
                 score=wire.from_dict(ScoreSettings, data["score"]),
@@ -85,22 +94,16 @@ class Core:
 
     def __init__(self, setup: CoreSetup) -> None:
         self._setup = setup
-        self._follower = Follower(setup.motion)
-        self._progress = Progress(setup.track.centreline)
-        self._lines = [LineWatch(line, setup.crossing) for line in (setup.track.start_line, *setup.track.sector_lines)]
-        self._laps = LapMachine(setup.laps, setup.track.centreline.length_m)
+        self._follower = Follower(setup.motion, setup.track.centreline)
+        self._cars = [CarRace.begin(setup.track, setup.crossing, setup.laps) for _ in range(setup.motion.cars)]
+        self._seats: dict[int, int] = {}
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
 
     @property
     def finished(self) -> bool:
-        """Whether the wanted number of laps is complete."""
-        return self._laps.state is LapState.FINISHED
-
-    @property
-    def lap_state(self) -> LapState:
-        """Where the car is in its run."""
-        return self._laps.state
+        """Whether as many cars as are wanted have completed the wanted number of laps."""
+        return all(car.finished for car in self._cars)
 
     def step(self, found: FrameDetections) -> list[Event]:
         """Takes one frame's detections. Raises `ValueError` where its stamp is not later than the one before."""
@@ -110,67 +113,101 @@ class Core:
             self._first_t_ns = found.t_ns
         self._last_t_ns = found.t_ns
         t_s = (found.t_ns - self._first_t_ns) * 1e-9
-        observations = [
-            observation
+        sightings = [
+            sighting
             for detection in found.detections
-            if (observation := self._observe(detection, found.t_ns, t_s)) is not None
+            if (sighting := self._sighting(detection, found.t_ns, t_s)) is not None
         ]
-        on_lane = [self._on_lane(observation) for observation in observations]
         known = {target.target_id for target in self._follower.followed if target.state is not TargetState.TENTATIVE}
+        targets = [
+            target
+            for target in self._follower.step(found.t_ns, sightings)
+            if target.state is TargetState.CONFIRMED or target.target_id in known
+        ]
         events: list[Event] = []
-        fixes: list[Fix] = []
-        fixed_t_ns = self._progress.last_t_ns
-        for target in self._follower.step(found.t_ns, observations, on_lane):
-            if target.state is not TargetState.CONFIRMED and target.target_id not in known:
-                continue
-            seen = self._seen(target, new=target.target_id not in known, t_ns=found.t_ns)
-            # There is one car: what a new target did while an older one was still seen belongs to nobody.
-            seen = [observation for observation in seen if observation.t_ns > fixed_t_ns]
+        fixes: dict[int, list[Fix]] = {}
+        waiting = set()
+        for target in targets:
+            seat = self._seat(target.target_id)
+            car = self._cars[seat]
+            seen = car.news([] if _is_held(target) else target.pending)
             events += seen
             events.append(target.as_value(t_s))
-            for observation in seen:
-                # The filter's estimate is of this frame only; what was seen before the confirmation is taken as observed.
-                now = observation.t_ns == found.t_ns
-                track_m = target.estimate.track_m if now else observation.track_m
-                fixes.append(self._progress.fix(observation, target_id=target.target_id, track_m=track_m))
-        return events + self._race(found.t_ns, fixes)
+            fixes[seat] = fixes.get(seat, []) + car.fixes(
+                seen, target_id=target.target_id, t_ns=found.t_ns, track_m=target.estimate.track_m
+            )
+            if _is_held(target):
+                waiting.add(seat)
+        for seat, car in enumerate(self._cars):
+            events += self._scored(car.frame(found.t_ns, fixes.get(seat, []), more_may_come=seat in waiting))
+        return events
 
     def finish(self) -> list[Event]:
         """Says that no frame will follow; returns the events that were still waiting for one."""
-        crossings = [crossing for line in self._lines for crossing in line.finish()]
-        return self._crossed(crossings)
+        return [event for car in self._cars for event in self._scored(car.finish())]
 
     def windows(self, t_ns: int) -> tuple[SearchWindow, ...]:
-        """Where the followed cars are expected in the frame stamped `t_ns`; empty where the whole picture is to be searched."""
+        """Where the cars are expected in the frame stamped `t_ns`, one window each; none while no car is known."""
+        if self._last_t_ns is None or t_ns < self._last_t_ns:
+            return ()
         windows = []
-        for target in self._follower.followed:
-            if target.state is not TargetState.CONFIRMED or t_ns < target.estimate.t_ns:
-                continue
-            ahead = predict(target.estimate, t_ns, self._setup.motion.acceleration_sigma_mps2)
-            camera_px = self._setup.ground.point_to_camera_px(ahead.track_m)
+        for expected in self._follower.expected(t_ns):
+            camera_px = self._setup.ground.point_to_camera_px(expected.track_m)
             if camera_px is not None:
                 windows.append(
-                    SearchWindow(target_id=target.target_id, camera_px=camera_px, length_px=target.length_px)
+                    SearchWindow(
+                        target_id=expected.target_id,
+                        camera_px=camera_px,
+                        length_px=expected.length_px,
+                    )
                 )
         return tuple(windows)
 
-    def _observe(self, detection: Detection, t_ns: int, t_s: float) -> Observation | None:
+    def parked(self) -> tuple[PointM, ...]:
+        """Places, track m, where something that looks like a car has stood for a while and never moved."""
+        return tuple(target.estimate.track_m for target in self._follower.parked)
+
+    def notes(self) -> tuple[str, ...]:
+        """What the core would like to be told or shown, a sentence each: parked things, as long as a car is wanted."""
+        wanted = self._setup.motion.cars - sum(
+            target.state is not TargetState.TENTATIVE for target in self._follower.followed
+        )
+        if wanted <= 0:
+            return ()
+        return tuple(
+            f"something like a car stands at ({x:.2f}, {y:.2f}) m and has not moved: it counts once it drives"
+            for x, y in self.parked()
+        )
+
+    def _seat(self, target_id: int) -> int:
+        """Which of the cars a target is; with one car in the race, every target is that car."""
+        if len(self._cars) == 1:
+            return 0
+        return self._seats.setdefault(target_id, len(self._seats))
+
+    def _sighting(self, detection: Detection, t_ns: int, t_s: float) -> Sighting | None:
         """The detection on the track plane; None at or beyond the horizon."""
-        ground, height_m = self._setup.ground, detection.height_m
-        track_m = ground.point_below_m(detection.camera_px, height_m)
+        track_m = self._setup.ground.point_to_track_m(detection.camera_px)
         if track_m is None:
             return None
-        below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else None
-        jacobian = ground.jacobian(detection.camera_px) * ground.share_at(height_m)
+        jacobian = self._setup.ground.jacobian(detection.camera_px)
         covariance = jacobian @ jacobian.T * detection.sigma_px**2
-        return Observation(
+        observation = Observation(
             t_ns=t_ns,
             t_s=t_s,
-            camera_px=below_px if below_px is not None else detection.camera_px,
+            camera_px=detection.camera_px,
             track_m=track_m,
             covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
             confidence=detection.confidence,
             length_px=detection.length_px,
+        )
+        return Sighting(
+            observation=observation,
+            on_lane=self._on_lane(observation),
+            length_m=detection.length_px * math.sqrt(abs(float(np.linalg.det(jacobian)))),
+            marker_id=detection.marker_id,
+            colour_bgr=detection.colour_bgr,
+            heading_rad=_heading_on_track(detection.heading_rad, jacobian),
         )
 
     def _on_lane(self, observation: Observation) -> bool:
@@ -178,33 +215,13 @@ class Core:
         (s_m,), (d_m,) = (values.tolist() for values in route.locate(np.array([observation.track_m])))
         return route.outside_by_m(s_m, d_m) <= self._setup.birth_margin_m
 
-    def _seen(self, target: Followed, *, new: bool, t_ns: int) -> list[Observation]:
-        """The observations of a confirmed target that nobody has been told of: on confirmation, all since its birth."""
-        if new:
-            return list(target.pending)
-        return [target.last] if target.last.t_ns == t_ns else []
-
-    def _race(self, t_ns: int, fixes: list[Fix]) -> list[Event]:
-        self._laps.frame(t_ns)
-        crossings: list[Crossing] = []
-        for fix in fixes:
-            self._laps.fix(fix)
-            for line in self._lines:
-                crossings += line.feed(fix)
-        for line in self._lines:
-            crossings += line.tick(t_ns)
-        return self._crossed(crossings)
-
-    def _crossed(self, crossings: list[Crossing]) -> list[Event]:
+    def _scored(self, passed: Sequence[Passed]) -> list[Event]:
         events: list[Event] = []
-        for crossing in sorted(crossings, key=lambda crossing: crossing.t_ns):
-            events.append(crossing)
-            driven = self._laps.crossed(crossing) if crossing.line == START_LINE else None
-            if driven is not None:
-                events += self._scored(driven)
+        for one in passed:
+            events += self._scored_lap(one) if isinstance(one, DrivenLap) else [one]
         return events
 
-    def _scored(self, driven: DrivenLap) -> list[Lap | Score]:
+    def _scored_lap(self, driven: DrivenLap) -> list[Lap | Score]:
         if self._setup.not_scored_because is not None:
             return [driven.lap]
         score = score_lap(
@@ -214,4 +231,18 @@ class Core:
             lap=driven.lap.number,
             completion_time_s=driven.lap.time_s,
         )
-        return [replace(driven.lap, similarity_percent=score.similarity_percent), score]
+        lap = replace(driven.lap, similarity_percent=score.similarity_percent)
+        return [lap, replace(score, target_id=lap.target_id)]
+
+
+def _is_held(target: Followed) -> bool:
+    """Whether what was seen of the target must wait; a lost one waits for nothing more."""
+    return target.held and target.state is not TargetState.LOST
+
+
+def _heading_on_track(heading_rad: float | None, jacobian: NDArray[np.float64]) -> float | None:
+    """The direction on the track plane, atan2(dy, dx), of one in the picture, atan2(-v, u)."""
+    if heading_rad is None:
+        return None
+    x, y = (jacobian @ (math.cos(heading_rad), -math.sin(heading_rad))).tolist()
+    return math.atan2(y, x)

@@ -217,6 +217,8 @@ class Lap:
     """Path similarity by the run's metric, 0..100; None where the lap could not be scored."""
     observed_fraction: float
     """Share of the lap's frames in which the car was seen, 0..1."""
+    target_id: int | None = None
+    """The target that drove it; None in recordings from before laps told it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,6 +239,8 @@ class Score:
     lateral_max_m: float
     path_length_m: float
     route_length_m: float
+    target_id: int | None = None
+    """The target that drove the lap; None in recordings from before scores told it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +264,8 @@ class Health:
     view_error_mean_px: float | None
     view_error_mean_m: float | None
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What is not wrong but wants somebody's hand, such as a car that has not moved yet; sentences."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
 
 from dnb_edge.config.sections import STRICT, Number, Whole, section
-from dnb_edge.motion.follow import MotionSettings
+from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.laps import LapRules
 from dnb_edge.score.similarity import ScoreSettings

@@ -1,93 +1,54 @@
-"""The life of targets: born from an observation on the lane, confirmed by travel, coasting when unseen, lost in the end.
+"""Follows targets from frame to frame: who gets which observation, who is born, confirmed, lost and found again.
 
-Feed one frame's observations, read the targets. Knows metres and stamps only. What moves on the lane and keeps moving is a
-car; what jitters on the spot, or lives beside the lane, is furniture and never gets confirmed.
+Feed one frame's sightings, read the targets. Knows metres and stamps only. What moves on the lane and keeps moving is a
+car; what jitters on the spot, or lives beside the lane, is furniture and never gets confirmed. The parts have files of
+their own: `assignment`, `appearance`, one `target`, `doubt` after a meeting, `regain` after a loss.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dnb_edge.motion import kalman
-from dnb_edge.values import Observation, Target, TargetState
+from dnb_edge.motion.appearance import COLOUR_CAP, HEADING_WEIGHT, MARKER_COST, Sighting, evidence
+from dnb_edge.motion.assignment import assign
+from dnb_edge.motion.doubt import are_near, named
+from dnb_edge.motion.regain import along, regained, taken_for
+from dnb_edge.motion.settings import MOST_CARS, MotionSettings
+from dnb_edge.motion.target import LIVE, Followed, aged, ahead, born, renamed, seen, shared
+from dnb_edge.track.centreline import Centreline
+from dnb_edge.values import Observation, PointM, TargetState
 
-PENDING_KEPT = 300
-"""Observations kept of a car that waits to be confirmed: ten seconds, so that one that is parked for hours costs nothing."""
+MERGED_S = 1.0
+"""Longest time for which two cars may share one detection; after it one of them is taken for unseen."""
 
-MAX_CARS = 1
-"""Greatest number of confirmed targets at a time: a run is one car's attempt."""
+MERGED_SIGMA_LENGTHS = 0.25
+"""One standard deviation of a shared detection about the middle of the cars, in car lengths."""
+
+GHOST_LENGTHS = 0.5
+"""Distance from a followed car, in its lengths, within which a newcomer is a second detection of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSettings:
-    """How targets are followed."""
-
-    acceleration_sigma_mps2: float = 4.0
-    """Spread of the car's acceleration, metres per second squared."""
-    start_speed_sigma_mps: float = 2.0
-    """Spread of a new target's unknown speed, metres per second."""
-    gate: float = 16.0
-    """Greatest squared Mahalanobis distance at which an observation belongs to a target (16: 3.4 in 10,000 missed)."""
-    confirm_observations: int = 4
-    """Observations that a target needs before it can be confirmed."""
-    confirm_travel_m: float = 0.08
-    """Distance from its first to its latest observation that a target must have moved before it is confirmed."""
-    tentative_lost_after_s: float = 0.2
-    """Time unseen after which a target that was never confirmed is forgotten."""
-    coasting_lost_after_s: float = 0.7
-    """Time unseen after which a confirmed target is lost."""
-    strayed_lost_after_s: float = 2.0
-    """Time beside the lane after which a target is no longer taken for a car."""
-
-    def __post_init__(self) -> None:
-        for name in ("acceleration_sigma_mps2", "start_speed_sigma_mps", "gate"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"motion.{name}: {getattr(self, name)} must be positive")
-        if self.confirm_observations < 2:
-            raise ValueError(
-                f"motion.confirm_observations: {self.confirm_observations} is too few, at least 2 are needed"
-            )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Followed:
-    """One target with what is remembered of it."""
+class Expected:
+    """Where a target will be, for the detector to look there."""
 
     target_id: int
-    state: TargetState
-    estimate: kalman.Estimate
-    first: Observation
-    last: Observation
-    """The latest observation that was taken for this target."""
-    on_lane_t_ns: int
-    """Stamp of the latest observation on the lane."""
+    track_m: PointM
     length_px: float
-    """Smoothed apparent length, camera px."""
-    pending: tuple[Observation, ...]
-    """The last `PENDING_KEPT` observations from before the confirmation; empty afterwards."""
-    observations: int = 1
-
-    def as_value(self, t_s: float) -> Target:
-        """The target as others see it, `t_s` being the estimate's stamp in seconds from the first frame."""
-        return Target(
-            target_id=self.target_id,
-            state=self.state,
-            t_ns=self.estimate.t_ns,
-            t_s=t_s,
-            track_m=self.estimate.track_m,
-            velocity_mps=self.estimate.velocity_mps,
-            covariance_m2=self.estimate.covariance_m2,
-        )
 
 
 class Follower:
-    """Follows targets from frame to frame. Deterministic: the same observations give the same targets."""
+    """Follows targets from frame to frame. Deterministic: the same sightings give the same targets."""
 
-    def __init__(self, settings: MotionSettings) -> None:
+    def __init__(self, settings: MotionSettings, route: Centreline | None = None) -> None:
+        """With a `route`, a lost car is awaited further along it."""
         self._settings = settings
+        self._route = route
         self._followed: list[Followed] = []
+        self._missing: list[Followed] = []
         self._next_id = 1
 
     @property
@@ -95,110 +56,216 @@ class Follower:
         """All targets that are alive, oldest first."""
         return tuple(self._followed)
 
-    def step(self, t_ns: int, observations: Sequence[Observation], on_lane: Sequence[bool]) -> tuple[Followed, ...]:
-        """Takes one frame's observations, with whether each lies on the lane, and returns the targets at `t_ns`.
+    @property
+    def parked(self) -> tuple[Followed, ...]:
+        """What has looked like a car for a while and never moved: furniture, or a car that waits."""
+        return tuple(target for target in self._followed if target.is_parked(self._settings))
+
+    def step(self, t_ns: int, sightings: Sequence[Sighting]) -> tuple[Followed, ...]:
+        """Takes one frame's sightings and returns the targets at `t_ns`.
 
         Targets that died in this frame are returned once, with state LOST.
         """
-        acceleration = self._settings.acceleration_sigma_mps2
-        predicted = [
-            replace(target, estimate=kalman.predict(target.estimate, t_ns, acceleration)) for target in self._followed
-        ]
-        owners = self._assign(predicted, observations)
-        after = [
-            self._seen(target, observations[owners[i]], on_lane=on_lane[owners[i]]) if i in owners else target
-            for i, target in enumerate(predicted)
-        ]
+        predicted = [ahead(target, t_ns, self._settings) for target in self._followed]
+        owners = self._assign(predicted, sightings)
+        after, own = self._observed(predicted, sightings, owners)
+        after = named(after, {i: sightings[j] for i, j in own.items()}, t_ns)
         taken = set(owners.values())
-        born = [
-            self._born(observation)
-            for j, observation in enumerate(observations)
-            if j not in taken and on_lane[j] and not self._covered(observation, after)
+        newcomers = [
+            self._born(sighting)
+            for j, sighting in enumerate(sightings)
+            if j not in taken and sighting.on_lane and not _covered(sighting.observation, after)
         ]
-        settled = self._settle(after + born, t_ns)
+        settled = self._settle(after + newcomers, t_ns)
         self._followed = [target for target in settled if target.state is not TargetState.LOST]
         return tuple(settled)
 
-    def _assign(self, targets: Sequence[Followed], observations: Sequence[Observation]) -> dict[int, int]:
-        """Index of the observation for each target: cheapest pair first, confirmed targets before tentative ones."""
-        pairs = []
-        for i, target in enumerate(targets):
-            for j, observation in enumerate(observations):
-                distance = kalman.distance_squared(target.estimate, observation.track_m, observation.covariance_m2)
-                if distance <= self._settings.gate:
-                    pairs.append((target.state is TargetState.TENTATIVE, distance, i, j))
-        owners: dict[int, int] = {}
-        for _, _, i, j in sorted(pairs):
+    def expected(self, t_ns: int) -> tuple[Expected, ...]:
+        """Where the cars are expected at `t_ns`, no earlier than the latest frame: seen ones first, then those unseen, then,
+        while cars are still wanted, what may become one. At most `MOST_CARS`.
+        """
+        cars = [target for target in self._followed if target.state in LIVE]
+        awaited = [car for car in self._missing if (t_ns - car.last.t_ns) * 1e-9 <= self._settings.regain_s]
+        cars.sort(key=lambda target: target.state is not TargetState.CONFIRMED)
+        maybe = [
+            target
+            for target in self._followed
+            if 0 < len(cars) < self._settings.cars
+            and target.state is TargetState.TENTATIVE
+            and not target.is_parked(self._settings)
+        ]
+        return tuple(
+            Expected(
+                target_id=target.target_id,
+                track_m=self._expected_m(target, t_ns),
+                length_px=target.length_px,
+            )
+            for target in (*cars, *awaited, *maybe)[:MOST_CARS]
+        )
+
+    def _expected_m(self, target: Followed, t_ns: int) -> PointM:
+        """Straight on for what was seen in the latest frame, along the lane for the unseen."""
+        if target.state in (TargetState.CONFIRMED, TargetState.TENTATIVE) or self._route is None:
+            return kalman.predict(target.estimate, t_ns, self._settings.acceleration_sigma_mps2).track_m
+        place = along(self._route, target, t_ns)
+        return self._route.point_at(place.s_m, place.d_m)
+
+    def _assign(self, targets: Sequence[Followed], sightings: Sequence[Sighting]) -> dict[int, int]:
+        """Index of the sighting for each target that gets one: the cheapest way for the cars in sight, then for those out of
+        sight, so that a vague guess takes nothing from a sure one; what is left to the tentative, cheapest pair first.
+        """
+        live = [i for i, target in enumerate(targets) if target.state in LIVE]
+        sure = [i for i in live if targets[i].state is TargetState.CONFIRMED]
+        sure += [i for i in live if i not in sure and any(are_near(targets[i], targets[k]) for k in sure)]
+        owners = self._share_out(targets, sure, sightings, range(len(sightings)))
+        free = [j for j in range(len(sightings)) if j not in owners.values()]
+        in_sight = [(targets[i], sightings[j].observation) for i, j in owners.items()]
+        alone = [j for j in free if not any(_ghost(car, at, sightings[j].observation) for car, at in in_sight)]
+        owners |= self._share_out(targets, [i for i in live if i not in sure], sightings, alone)
+        pairs = [
+            (distance, i, j)
+            for i, target in enumerate(targets)
+            if target.state is TargetState.TENTATIVE
+            for j in free
+            if (distance := _distance(target, sightings[j])) <= self._settings.gate
+        ]
+        for _, i, j in sorted(pairs):
             if i not in owners and j not in owners.values():
                 owners[i] = j
         return owners
 
-    def _seen(self, target: Followed, observation: Observation, *, on_lane: bool) -> Followed:
-        state = TargetState.TENTATIVE if target.state is TargetState.TENTATIVE else TargetState.CONFIRMED
-        tagged = replace(observation, target_id=target.target_id)
-        return replace(
-            target,
-            state=state,
-            estimate=kalman.update(target.estimate, observation.track_m, observation.covariance_m2),
-            last=tagged,
-            on_lane_t_ns=observation.t_ns if on_lane else target.on_lane_t_ns,
-            length_px=0.7 * target.length_px + 0.3 * observation.length_px,
-            pending=(*target.pending[1 - PENDING_KEPT :], tagged) if state is TargetState.TENTATIVE else (),
-            observations=target.observations + 1,
-        )
+    def _share_out(
+        self, targets: Sequence[Followed], cars: Sequence[int], sightings: Sequence[Sighting], free: Sequence[int]
+    ) -> dict[int, int]:
+        """Sighting for each of the targets `cars` out of `free`: squared Mahalanobis distance inside the gate, and looks."""
+        looks = [targets[i].looks for i in cars]
+        velocities = [targets[i].estimate.velocity_mps for i in cars]
+        numbers = {target.looks.marker for target in targets if target.state in LIVE}
+        costs = [[math.inf] * len(free) for _ in cars]
+        for column, j in enumerate(free):
+            sighting = sightings[j]
+            by_looks = evidence(looks, velocities, sighting)
+            for row, i in enumerate(cars):
+                distance = _distance(targets[i], sighting)
+                # Another's number may mean that the two were confused; a stranger's, that this is a stranger.
+                strange = by_looks[row] >= MARKER_COST and sighting.marker_id not in numbers
+                if distance <= self._settings.gate and not strange:
+                    costs[row][column] = distance + by_looks[row]
+        miss_cost = self._settings.gate + COLOUR_CAP + 2 * HEADING_WEIGHT + MARKER_COST + 1.0
+        return {cars[row]: free[column] for row, column in assign(costs, miss_cost).items()}
 
-    def _born(self, observation: Observation) -> Followed:
-        tagged = replace(observation, target_id=self._next_id)
+    def _observed(
+        self, targets: Sequence[Followed], sightings: Sequence[Sighting], owners: Mapping[int, int]
+    ) -> tuple[list[Followed], dict[int, int]]:
+        """The targets after their sightings, and who had which one for itself."""
+        sharing = _sharing(targets, sightings, owners)
+        own = {i: j for i, j in owners.items() if i not in sharing and i not in sharing.values()}
+        after = list(targets)
+        for i, j in own.items():
+            alone = targets[i].doubt is None and not any(
+                k != i and other.state in LIVE and are_near(targets[i], other) for k, other in enumerate(targets)
+            )
+            after[i] = seen(targets[i], sightings[j], learn=alone)
+        for owner in sorted(set(sharing.values())):
+            members = [owner, *(i for i, other in sharing.items() if other == owner)]
+            sighting = sightings[owners[owner]]
+            middle = _of_several(sighting.observation, max(targets[i].length_m for i in members))
+            estimates = kalman.update_mean([targets[i].estimate for i in members], middle.track_m, middle.covariance_m2)
+            for i, estimate in zip(members, estimates, strict=True):
+                after[i] = shared(targets[i], middle, estimate, on_lane=sighting.on_lane)
+        return after, own
+
+    def _born(self, sighting: Sighting) -> Followed:
         self._next_id += 1
-        speed = self._settings.start_speed_sigma_mps
-        return Followed(
-            target_id=self._next_id - 1,
-            state=TargetState.TENTATIVE,
-            estimate=kalman.begin(observation.t_ns, observation.track_m, observation.covariance_m2, speed),
-            first=tagged,
-            last=tagged,
-            on_lane_t_ns=observation.t_ns,
-            length_px=observation.length_px,
-            pending=(tagged,),
-        )
-
-    def _covered(self, observation: Observation, targets: Sequence[Followed]) -> bool:
-        """Whether a confirmed target stands within one car length: a second detection of the same car."""
-        return any(
-            target.state is not TargetState.TENTATIVE
-            and target.last.t_ns == observation.t_ns
-            and math.dist(target.last.camera_px, observation.camera_px) < target.length_px
-            for target in targets
-        )
+        return born(self._next_id - 1, sighting, self._settings)
 
     def _settle(self, targets: Sequence[Followed], t_ns: int) -> list[Followed]:
-        """Ages every target and confirms those that have earned it, the most travelled first."""
-        aged = [replace(target, state=self._aged(target, t_ns)) for target in targets]
-        free = MAX_CARS - sum(target.state in (TargetState.CONFIRMED, TargetState.COASTING) for target in aged)
-        ready = [target for target in aged if self._earned(target)]
-        ready.sort(key=lambda target: (-_travel_m(target), target.target_id))
-        confirmed = {target.target_id for target in ready[: max(0, free)]}
-        return [
-            replace(target, state=TargetState.CONFIRMED) if target.target_id in confirmed else target for target in aged
+        """Ages every target, takes newcomers for missing cars, and confirms those that have earned it, most travelled first."""
+        settled = [replace(target, state=aged(target, t_ns, self._settings)) for target in targets]
+        lost = [
+            replace(target, doubt=None, pending=())
+            for target, before in zip(settled, targets, strict=True)
+            if target.state is TargetState.LOST and before.state in LIVE
         ]
+        self._missing = [car for car in (*self._missing, *lost) if self._is_awaited(car, t_ns)]
+        order = sorted(range(len(settled)), key=lambda i: (-settled[i].travel_m, settled[i].target_id))
+        for i in order:
+            cars = [target for target in settled if target.state in LIVE]
+            if len(cars) < self._settings.cars and settled[i].state is TargetState.TENTATIVE:
+                settled[i] = self._confirmed(settled[i], cars)
+        return settled
 
-    def _aged(self, target: Followed, t_ns: int) -> TargetState:
-        unseen_s = (t_ns - target.last.t_ns) * 1e-9
-        if (t_ns - target.on_lane_t_ns) * 1e-9 > self._settings.strayed_lost_after_s:
-            return TargetState.LOST
-        if target.state is TargetState.TENTATIVE:
-            return TargetState.LOST if unseen_s > self._settings.tentative_lost_after_s else TargetState.TENTATIVE
-        if unseen_s > self._settings.coasting_lost_after_s:
-            return TargetState.LOST
-        return TargetState.COASTING if unseen_s > 0 else TargetState.CONFIRMED
+    def _is_awaited(self, car: Followed, t_ns: int) -> bool:
+        """Several cars are remembered for good, since whoever comes back is one of them; one for as long as it is awaited."""
+        return self._settings.cars > 1 or (t_ns - car.last.t_ns) * 1e-9 <= self._settings.regain_s
+
+    def _confirmed(self, newcomer: Followed, cars: Sequence[Followed]) -> Followed:
+        """The newcomer as the car that it is, confirmed; itself where that is too early to say."""
+        if any(_ghost(car, car.last, newcomer.last) for car in cars if car.last.t_ns == newcomer.last.t_ns):
+            return newcomer
+        car = regained(self._route, newcomer, self._missing, self._settings)
+        if car is None and not self._earned(newcomer):
+            return newcomer
+        if car is None and self._settings.cars > 1 and len(cars) + len(self._missing) >= self._settings.cars:
+            car = taken_for(self._route, newcomer, self._missing)
+        if car is None:
+            return replace(newcomer, state=TargetState.CONFIRMED)
+        self._missing = [other for other in self._missing if other is not car]
+        return replace(renamed(newcomer, car.target_id, car.looks), state=TargetState.CONFIRMED)
 
     def _earned(self, target: Followed) -> bool:
         return (
-            target.state is TargetState.TENTATIVE
-            and target.observations >= self._settings.confirm_observations
-            and _travel_m(target) >= self._settings.confirm_travel_m
+            target.observations >= self._settings.confirm_observations
+            and target.travel_m >= self._settings.confirm_travel_m
         )
 
 
-def _travel_m(target: Followed) -> float:
-    return math.dist(target.first.track_m, target.last.track_m)
+def _distance(target: Followed, sighting: Sighting) -> float:
+    observation = sighting.observation
+    return kalman.distance_squared(target.estimate, observation.track_m, observation.covariance_m2)
+
+
+def _sharing(targets: Sequence[Followed], sightings: Sequence[Sighting], owners: Mapping[int, int]) -> dict[int, int]:
+    """For each car in sight that got nothing, the near car with whose detection it seems to have merged: a detection that
+    lies nearer to the middle of the two than to where its owner alone should be.
+    """
+    sharing: dict[int, int] = {}
+    for i, target in enumerate(targets):
+        if i in owners or target.state is not TargetState.CONFIRMED or _merged_too_long(target):
+            continue
+        for k, j in sorted(owners.items()):
+            other, at_m = targets[k], sightings[j].observation.track_m
+            if other.state not in LIVE or not are_near(target, other):
+                continue
+            (ax, ay), (bx, by) = target.estimate.track_m, other.estimate.track_m
+            if math.dist(at_m, ((ax + bx) / 2, (ay + by) / 2)) < math.dist(at_m, (bx, by)):
+                sharing[i] = k
+                break
+    return sharing
+
+
+def _merged_too_long(target: Followed) -> bool:
+    since_t_ns = target.merged_since_t_ns
+    return since_t_ns is not None and (target.estimate.t_ns - since_t_ns) * 1e-9 > MERGED_S
+
+
+def _of_several(observation: Observation, length_m: float) -> Observation:
+    """The observation as one of several cars: less sure, since nobody knows which part of them was found."""
+    xx, xy, yy = observation.covariance_m2
+    more = (MERGED_SIGMA_LENGTHS * length_m) ** 2
+    return replace(observation, covariance_m2=(xx + more, xy, yy + more))
+
+
+def _covered(observation: Observation, targets: Sequence[Followed]) -> bool:
+    """Whether a confirmed target stands within one car length: a second detection of the same car."""
+    return any(
+        target.state is not TargetState.TENTATIVE
+        and target.last.t_ns == observation.t_ns
+        and math.dist(target.last.camera_px, observation.camera_px) < target.length_px
+        for target in targets
+    )
+
+
+def _ghost(car: Followed, at: Observation, observation: Observation) -> bool:
+    """Whether `observation` is a second detection of the car that was seen `at` the same stamp."""
+    return math.dist(at.camera_px, observation.camera_px) < GHOST_LENGTHS * car.length_px

@@ -7,12 +7,17 @@ acceleration (the discrete white-noise model of Y. Bar-Shalom, "Estimation with 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.values import PointM
+
+Covariance: TypeAlias = tuple[float, float, float]
+"""Of a position, (xx, xy, yy), m^2."""
 
 _MEASURE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
 
@@ -87,3 +92,28 @@ def update(estimate: Estimate, track_m: PointM, covariance_m2: tuple[float, floa
         mean=estimate.mean + gain @ (np.asarray(track_m) - estimate.mean[:2]),
         covariance=keep @ estimate.covariance @ keep.T + gain @ noise @ gain.T,
     )
+
+
+def update_mean(estimates: Sequence[Estimate], track_m: PointM, covariance_m2: Covariance) -> list[Estimate]:
+    """The estimates after one observation of the middle of them all, independent before it.
+
+    It corrects where they are together and leaves how they lie and move towards each other, as far as they are known
+    equally well: the Kalman update of the stacked states with H = [I/n ... I/n], of which the cross terms are dropped.
+    """
+    share = 1.0 / len(estimates)
+    middle = sum((estimate.mean[:2] for estimate in estimates), np.zeros(2)) * share
+    spread = sum((estimate.covariance[:2, :2] for estimate in estimates), np.zeros((2, 2))) * share**2
+    innovation = spread + square(covariance_m2)
+    residual = np.asarray(track_m) - middle
+    after = []
+    for estimate in estimates:
+        gain = np.linalg.solve(innovation, estimate.covariance[:2, :] * share).T
+        covariance = estimate.covariance - gain @ innovation @ gain.T
+        after.append(
+            Estimate(
+                t_ns=estimate.t_ns,
+                mean=estimate.mean + gain @ residual,
+                covariance=(covariance + covariance.T) / 2,
+            )
+        )
+    return after

@@ -167,6 +167,7 @@ class LapMachine:
             reasons=reasons,
             similarity_percent=None,
             observed_fraction=len(fixes) / frames if frames else 0.0,
+            target_id=end.target_id,
         )
         path = (start.track_m, *(fix.observed_m for fix in fixes), end.track_m)
         return DrivenLap(lap=lap, path_m=path)

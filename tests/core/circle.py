@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from dnb_edge.core import CoreSetup
-from dnb_edge.motion.follow import MotionSettings
+from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.laps import LapRules
 from dnb_edge.score.similarity import ScoreSettings

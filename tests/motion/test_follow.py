@@ -10,15 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dnb_edge.motion import kalman
-from dnb_edge.motion.follow import PENDING_KEPT, Followed, Follower, MotionSettings
+from dnb_edge.motion.appearance import Sighting
+from dnb_edge.motion.follow import Follower
+from dnb_edge.motion.settings import MotionSettings
+from dnb_edge.motion.target import PENDING_KEPT, Followed
 from dnb_edge.values import Observation, PointM, TargetState
 
 FRAME_NS = 33_333_333
 VARIANCE = (1e-5, 0.0, 1e-5)
 
 
-def seen(k: int, x_m: float, y_m: float = 0.0) -> Observation:
-    return Observation(
+def seen(k: int, x_m: float, y_m: float = 0.0, *, on_lane: bool = True) -> Sighting:
+    observation = Observation(
         t_ns=k * FRAME_NS,
         t_s=k * FRAME_NS * 1e-9,
         camera_px=(x_m * 200, y_m * 200),
@@ -27,6 +30,7 @@ def seen(k: int, x_m: float, y_m: float = 0.0) -> Observation:
         confidence=0.9,
         length_px=40.0,
     )
+    return Sighting(observation=observation, on_lane=on_lane, length_m=0.2)
 
 
 def follow(
@@ -35,8 +39,8 @@ def follow(
     follower = Follower(settings or MotionSettings())
     history = []
     for k in range(last + 1):
-        observations = [seen(k, *point) for point in frames.get(k, [])]
-        history.append(follower.step(k * FRAME_NS, observations, [on_lane] * len(observations)))
+        sightings = [seen(k, *point, on_lane=on_lane) for point in frames.get(k, [])]
+        history.append(follower.step(k * FRAME_NS, sightings))
     return follower, history
 
 
@@ -66,13 +70,13 @@ def test_a_car_that_waits_for_hours_costs_no_more_than_one_that_waits_for_second
     """What is kept of a parked car is bounded; when it sets off it is confirmed all the same."""
     follower = Follower(MotionSettings())
     for k in range(2000):
-        follower.step(k * FRAME_NS, [seen(k, 2.0 * (max(0, k - 1980) * FRAME_NS * 1e-9) ** 2)], [True])
+        follower.step(k * FRAME_NS, [seen(k, 2.0 * (max(0, k - 1980) * FRAME_NS * 1e-9) ** 2)])
     (target,) = follower.followed
     assert target.state is TargetState.CONFIRMED
     assert target.observations == 2000
     follower = Follower(MotionSettings())
     for k in range(2000):
-        follower.step(k * FRAME_NS, [seen(k, 0.0)], [True])
+        follower.step(k * FRAME_NS, [seen(k, 0.0)])
     assert len(follower.followed[0].pending) == PENDING_KEPT
 
 
@@ -116,7 +120,7 @@ def test_a_target_that_strays_from_the_lane_is_given_up() -> None:
     """Somebody who walks away over the lane is not followed through the room."""
     follower = Follower(MotionSettings())
     for k in range(120):
-        follower.step(k * FRAME_NS, [seen(k, k / 30)], [k < 20])
+        follower.step(k * FRAME_NS, [seen(k, k / 30, on_lane=k < 20)])
     assert follower.followed == ()
 
 
