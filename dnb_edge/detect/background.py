@@ -29,6 +29,12 @@ MOVED_LEVEL = 22
 
 _BLOCKS = (8, 8)
 """Columns and rows of the blocks by which a change everywhere is told from one in some places."""
+_SUSPICIOUS = 0.01
+"""Where less than this share of the cells has moved nothing has happened everywhere."""
+_LEAST_EDGES = 0.005
+"""Fewer cells with edges than this share tell nothing of a bump."""
+_EDGES_LAST = 250
+"""Judgements for which the background's edges are taken as known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +50,7 @@ class BackgroundSettings:
     hold_looks: int = 8
     """As many looks more a pixel waits that was in a frozen disc."""
     unsettled_share: float = 0.5
-    """The background is unsettled where at least this share of the picture's blocks has moved ..."""
+    """The background is unsettled where more than this share of the picture's blocks, or of its edges, has moved ..."""
     settled_share: float = 0.2
     """... until no more than this share has."""
 
@@ -76,6 +82,8 @@ class Background:
         self._looks: NDArray[np.uint8] = self._holds.copy()
         self._rows = max(CELL_PX, -(-height // (self.settings.bands * CELL_PX)) * CELL_PX)
         self._next = 0
+        self._edges: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
+        self._edges_age = 0
 
     def rows(self) -> slice:
         """The rows to look at in the coming frame: the next band; all of them where the background is unsettled."""
@@ -89,11 +97,8 @@ class Background:
         moved = difference(reduced, self.picture[rows])
         height, width = (side // CELL_PX for side in moved.shape)
         if height and width:
-            cells = cv2.resize(
-                moved[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA
-            )
             first = rows.start // CELL_PX
-            self.moved_cells[first : first + height, :width] = cells
+            self.moved_cells[first : first + height, :width] = _cells(moved)
             self._judge()
         return moved
 
@@ -119,11 +124,47 @@ class Background:
         self._next = rows.stop if rows.stop < self.picture.shape[0] else 0
 
     def _judge(self) -> None:
-        """Tells a change everywhere from one in some places: how many of the picture's blocks have moved."""
-        _, moved = cv2.threshold(self.moved_cells, MOVED_LEVEL, 255.0, cv2.THRESH_BINARY)
-        blocks = cv2.resize(moved, _BLOCKS, interpolation=cv2.INTER_AREA)
-        share = cv2.countNonZero(cv2.threshold(blocks, 25.0, 255.0, cv2.THRESH_BINARY)[1]) / blocks.size
-        self.settled = share <= (self.settings.settled_share if not self.settled else self.settings.unsettled_share)
+        """Tells a change everywhere, by light or by a bump, from one in some places."""
+        moved = _over(self.moved_cells)
+        if self.settled and cv2.countNonZero(moved) < _SUSPICIOUS * moved.size:
+            return
+        share = max(_share_of_blocks(moved), self._share_of_edges(moved))
+        self.settled = share <= (self.settings.unsettled_share if self.settled else self.settings.settled_share)
+
+    def _share_of_edges(self, moved: NDArray[np.uint8]) -> float:
+        """Share of the cells with upright, or level, edges that have moved: a bump moves all edges across it, a car its own."""
+        if self._edges is None or self._edges_age > _EDGES_LAST:
+            self._edges, self._edges_age = (_edge_cells(self.picture, 1), _edge_cells(self.picture, 0)), 0
+        self._edges_age += 1
+        shares = [0.0]
+        for edges in self._edges:
+            count = cv2.countNonZero(edges)
+            if count >= _LEAST_EDGES * edges.size:
+                shares.append(cv2.countNonZero(cv2.bitwise_and(edges, moved)) / count)
+        return max(shares)
+
+
+def _over(levels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """255 where the difference counts as moved, else 0."""
+    return np.asarray(cv2.threshold(levels, MOVED_LEVEL, 255.0, cv2.THRESH_BINARY)[1], dtype=np.uint8)
+
+
+def _share_of_blocks(moved: NDArray[np.uint8]) -> float:
+    """Share of the picture's blocks in which at least a tenth of the cells has moved."""
+    blocks = cv2.resize(moved, _BLOCKS, interpolation=cv2.INTER_AREA)
+    return cv2.countNonZero(cv2.threshold(blocks, 25.0, 255.0, cv2.THRESH_BINARY)[1]) / blocks.size
+
+
+def _cells(levels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Mean of each cell; what is left over at the right and below falls away."""
+    height, width = (side // CELL_PX for side in levels.shape)
+    whole = levels[: height * CELL_PX, : width * CELL_PX]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _edge_cells(picture: BgrImage, axis: int) -> NDArray[np.uint8]:
+    """255 in cells that would count as moved if the picture moved by a pixel along `axis` (0: down, 1: to the right)."""
+    return _over(_cells(difference(np.roll(picture, 1, axis=axis), picture)))
 
 
 def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
