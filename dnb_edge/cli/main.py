@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import bench, calibrate, config, demo, results, run, runs, track
+from dnb_edge.cli import bench, calibrate, config, demo, results, run, runs, teach, track
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
@@ -28,6 +28,7 @@ app.command("score")(results.score)
 app.command("table")(results.table)
 app.command("report")(results.report)
 app.command("bench")(bench.bench)
+app.command("teach")(teach.teach)
 app.add_typer(track.app, name="track")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(runs.app, name="runs")
