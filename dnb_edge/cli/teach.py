@@ -102,8 +102,10 @@ def teach(
     base = model if model is not None else default_model_path()
     config = None if config_file is None else load_config(config_file, overrides or [])
     with _progress(console) as tell:
-        material = _material(drives or [], labels, base, config, seed, console, tell)
+        material, notes = _material(drives or [], labels, base, config, seed, tell)
     check_enough(material)
+    for note in notes:
+        console.print(note)
     sheet = out / SHEET
     shown = write_sheet(material, sheet)
     console.print(f"Contact sheet: {sheet}")
@@ -124,11 +126,11 @@ def _material(
     base: Path,
     config: Config | None,
     seed: int,
-    console: Console,
     tell: Callable[[str, float], None],
-) -> Material:
-    """All that the user gave, read and labelled."""
-    parts = []
+) -> tuple[Material, list[str]]:
+    """All that the user gave, read and labelled, and what to tell of it."""
+    parts: list[Material] = []
+    notes: list[str] = []
     most_bytes = MOST_BYTES // (len(drives) + (labels is not None))
     uris = [_uri(given) for given in drives]
     for uri in uris:
@@ -136,7 +138,7 @@ def _material(
     if labels is not None:
         folder = read_labelled(labels, most_bytes=most_bytes)
         left_out = f"; {folder.unlabelled} without a label file left out" if folder.unlabelled else ""
-        console.print(f"{labels}: {len(folder.pictures)} labelled pictures{left_out}.")
+        notes.append(f"{labels}: {len(folder.pictures)} labelled pictures{left_out}.")
         parts.append(still_material(folder.pictures, seed, labels.name))
     if not uris:
         check_enough(joined(parts))
@@ -150,9 +152,9 @@ def _material(
             source_name, drive, network, lane=lane, tell=partial(tell, f"Looking for what moves in {source_name}")
         )
         own = f"{found.by_model} of {found.paths} paths with the present model's ground points, the others by the mask"
-        console.print(f"{source_name}: {len(found.cars)} of {len(found.times_s)} pictures labelled; {own}.")
+        notes.append(f"{source_name}: {len(found.cars)} of {len(found.times_s)} pictures labelled; {own}.")
         parts.append(drive_material(found, drive, most_bytes=most_bytes))
-    return joined(parts)
+    return joined(parts), notes
 
 
 def _uri(given: str) -> str:
