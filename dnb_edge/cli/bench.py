@@ -6,9 +6,10 @@ import json
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import cv2
 import numpy as np
@@ -23,15 +24,23 @@ from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core
+from dnb_edge.detect.centre import CentreDetectorSettings
+from dnb_edge.detect.onnx import SIDE_MULTIPLE_PX, CentreNetwork, default_model_path, load_model
 from dnb_edge.score.distance import dtw_distance
 from dnb_edge.sim.rig import Rig
-from dnb_edge.values import Frame, Points, SearchWindow
+from dnb_edge.values import BgrImage, Frame, Points, SearchWindow
+
+T = TypeVar("T")
 
 FRAME_BYTES = 150_000
 """Size of the JPEG that a 1280x720 webcam sends, about."""
 
 WARM_UP = 30
 """Frames before the clock starts: the car has to be found first."""
+
+
+BLOCK = 10
+"""Frames after which it is the turn of what is timed beside the appliance's own way."""
 
 
 def bench(
@@ -91,49 +100,95 @@ def _quality(rig: Rig) -> int:
 
 
 def _pipeline(config: Config, frames: list[Frame], console: Console) -> dict[str, Any]:
-    """Times of each stage and of the whole way, frame by frame in turn, so that the machine's moods hit all alike."""
+    """Times of each stage and of the whole way.
+
+    Decoding alone and the whole way go frame by frame in turn, as in the appliance. What is timed beside them has its own turn
+    after every `BLOCK` frames, so that the machine's moods hit all alike and yet none finds the others' data in the caches.
+    """
     info = SimulatedSource("sim:", SimulatorOptions()).info
-    detector, looker = make_detector(config), make_detector(config)
+    detector, asides = make_detector(config), _asides(config)
     core = Core(assemble(config, info).setup)
-    times: dict[str, list[float]] = {name: [] for name in ("decode", "window", "full_frame", "core", "end_to_end")}
+    times: dict[str, list[float]] = {}
     following = 0
+    block: list[tuple[BgrImage, int, tuple[SearchWindow, ...]]] = []
     for i, frame in enumerate(track(frames, "Timing", console=console, transient=True)):
-        decode_ms, image = _timed(lambda frame=frame: decode_bgr(frame))  # type: ignore[misc]
-        assert image is not None
-        full_ms, _ = _timed(
-            lambda image=image, i=i: looker.detect(image, sequence=i, t_ns=frames[i].t_ns, windows=())  # type: ignore[misc]
-        )
+        decode_ms, _ = _timed(decode_bgr, frame)
         began = time.perf_counter()
-        decoded = decode_bgr(frame)
-        assert decoded is not None
-        windows: tuple[SearchWindow, ...] = core.windows(frame.t_ns)
+        image = decode_bgr(frame)
+        assert image is not None
+        windows = core.windows(frame.t_ns)
         before = time.perf_counter()
-        found = detector.detect(decoded, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
+        found = detector.detect(image, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
         after = time.perf_counter()
         core.step(found)
         ended = time.perf_counter()
-        if i < WARM_UP:
-            continue
-        following += bool(windows)
-        samples = {
-            "decode": decode_ms,
-            "window": (after - before) * 1e3,
-            "full_frame": full_ms,
-            "core": (ended - after) * 1e3,
-            "end_to_end": (ended - began) * 1e3,
-        }
-        for name, value in samples.items():
-            times[name].append(value)
+        block.append((image, i, windows))
+        if i >= WARM_UP:
+            following += bool(windows)
+            for name, seconds in (("window", after - before), ("core", ended - after), ("end_to_end", ended - began)):
+                times.setdefault(name, []).append(seconds * 1e3)
+            times.setdefault("decode", []).append(decode_ms)
+        if len(block) == BLOCK or i + 1 == len(frames):
+            for name, work in asides.items():
+                samples = [_timed(work, *one)[0] for one in block]
+                times.setdefault(name, []).extend(samples if i >= WARM_UP else [])
+            block = []
     result: dict[str, Any] = {
         "frame_bytes": round(float(np.mean([len(frame.jpeg or b"") for frame in frames]))),
         "timed_frames": len(times["decode"]),
         "following_frames": following,
     }
-    for name, samples_ms in times.items():
+    for name, samples_ms in sorted(times.items()):
         result[f"{name}_ms"] = float(np.median(samples_ms))
         result[f"{name}_p99_ms"] = float(np.percentile(samples_ms, 99))
     result["end_to_end_to_decode"] = result["end_to_end_ms"] / result["decode_ms"]
     return result
+
+
+Aside = Callable[[BgrImage, int, tuple[SearchWindow, ...]], object]
+"""What is timed beside the appliance's own way: it gets the picture, its number and the windows of the followed car."""
+
+
+def _asides(config: Config) -> dict[str, Aside]:
+    """The network alone, over a window and over the whole frame, on one thread and on two; and windows for 4 and for 8 cars."""
+    path = config.detector.model or default_model_path()
+    sizes = CentreDetectorSettings()
+    window_px = (sizes.window_px, sizes.window_px)
+    looker = make_detector(config)
+    asides: dict[str, Aside] = {
+        "full_frame": lambda image, number, _windows: looker.detect(image, sequence=number, t_ns=number, windows=())
+    }
+    for threads, name in ((1, ""), (2, "_2_threads")):
+        network = load_model(path, threads=threads)
+        asides[f"window_network{name}"] = _network_alone(network, window_px)
+        asides[f"full_network{name}"] = _network_alone(network, (sizes.whole_width_px, sizes.whole_width_px * 9 // 16))
+    detector_config = config.detector.model_copy(update={"threads": 2})
+    asides["window_2_threads"] = _follower(config.model_copy(update={"detector": detector_config}), cars=1)
+    for cars in (4, 8):
+        asides[f"windows_{cars}"] = _follower(config, cars=cars)
+    return asides
+
+
+def _network_alone(network: CentreNetwork, size_px: tuple[int, int]) -> Aside:
+    """The network over a picture of `size_px` (width, height), sides rounded up to what it takes."""
+    width, height = (-(-side // SIDE_MULTIPLE_PX) * SIDE_MULTIPLE_PX for side in size_px)
+    pixels = np.random.default_rng(0).integers(0, 256, (height, width, 4), dtype=np.uint8)
+    return lambda _image, _number, _windows: network(pixels)
+
+
+def _follower(config: Config, *, cars: int) -> Aside:
+    """A detector with as many windows a frame, all about the one car, each a little off the others."""
+    detector = make_detector(config)
+
+    def look(image: BgrImage, number: int, windows: tuple[SearchWindow, ...]) -> object:
+        many = [
+            replace(window, target_id=car + 1, camera_px=(window.camera_px[0] + 3 * car, window.camera_px[1] - 3 * car))
+            for window in windows[:1]
+            for car in range(cars)
+        ]
+        return detector.detect(image, sequence=number, t_ns=number, windows=many)
+
+    return look
 
 
 def _dtw(count: int, console: Console) -> dict[str, Any]:
@@ -182,8 +237,8 @@ def dtw_loop_over_lists(path: Points, reference: Points, clamp: float) -> float:
     return above[-1]
 
 
-def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
+def _timed(work: Callable[..., T], *given: Any) -> tuple[float, T]:
     """(milliseconds, result) of one call."""
     began = time.perf_counter()
-    result = work()
+    result = work(*given)
     return (time.perf_counter() - began) * 1e3, result
