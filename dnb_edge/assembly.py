@@ -21,11 +21,14 @@ from dnb_edge.capture.recording import RecordingSource
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import FrameSource, open_source
 from dnb_edge.config.keypoints import load_yaml_pairs
-from dnb_edge.config.schema import Config, TrackConfig, ViewConfig
+from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
 from dnb_edge.core import CoreSetup
 from dnb_edge.detect.centre import CentreDetector
-from dnb_edge.detect.onnx import default_model_path, load_model
+from dnb_edge.detect.markers import MarkerDetector, MarkerSettings
+from dnb_edge.detect.onnx import OpenModel, default_model_path, load_model, open_model
 from dnb_edge.detect.protocol import Detector
+from dnb_edge.detect.ultralytics import UltralyticsDetector, UltralyticsSettings
+from dnb_edge.detect.ultralytics_file import is_ultralytics
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
@@ -124,8 +127,65 @@ def load_pairs(config: ViewConfig) -> KeypointPairs:
 
 def make_detector(config: Config) -> Detector:
     """The detector that the configuration names, ready to look. Raises `InputError` for a model that cannot be used."""
-    path = config.detector.model if config.detector.model is not None else default_model_path()
-    return CentreDetector(load_model(path, threads=config.detector.threads))
+    wanted = config.detector
+    if wanted.kind == "markers":
+        return _marker_detector(wanted)
+    if wanted.markers != MarkersConfig():
+        raise InputError(
+            "detector.markers: only for the detector `markers`; set detector.kind to it, or leave this out"
+        )
+    opened = _ultralytics_model(wanted)
+    if opened is not None:
+        return UltralyticsDetector(opened, _box_settings(wanted))
+    _without_box_settings(wanted)
+    path = wanted.model if wanted.model is not None else default_model_path()
+    return CentreDetector(load_model(path, threads=wanted.threads))
+
+
+_BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "sigma_ratio")
+"""Keys of the detector's section that only an Ultralytics model understands."""
+
+
+def _ultralytics_model(wanted: DetectorConfig) -> OpenModel | None:
+    """The model where it is one of Ultralytics' (told so, or by its metadata); None where it is one of ours."""
+    path = wanted.model
+    if path is None:
+        if wanted.kind == "ultralytics":
+            raise InputError("detector.model: the detector `ultralytics` needs a model; give the path of a .onnx file")
+        return None
+    if wanted.kind == "centre" or (wanted.kind == "auto" and path.with_suffix(".json").exists()):
+        return None
+    opened = open_model(path, threads=wanted.threads)
+    if wanted.kind == "auto" and not is_ultralytics(opened.metadata):
+        raise InputError(
+            f"{path}: neither one of our models (its card {path.with_suffix('.json').name} is not beside it) "
+            "nor exported by Ultralytics (its metadata does not say so); put the card there or choose another model"
+        )
+    return opened
+
+
+def _box_settings(wanted: DetectorConfig) -> UltralyticsSettings:
+    return UltralyticsSettings(**{name: getattr(wanted, name) for name in _BOX_KEYS})
+
+
+def _without_box_settings(wanted: DetectorConfig) -> None:
+    """Raises `InputError` where a key is set that the chosen detector would not heed."""
+    for name in _BOX_KEYS:
+        if getattr(wanted, name) != DetectorConfig.model_fields[name].default:
+            raise InputError(f"detector.{name}: only for a model that Ultralytics exported; leave it out")
+
+
+def _marker_detector(wanted: DetectorConfig) -> MarkerDetector:
+    if wanted.model is not None:
+        raise InputError(
+            "detector.model: the detector `markers` uses no model; leave it out, or choose another detector.kind"
+        )
+    _without_box_settings(wanted)
+    try:
+        settings = MarkerSettings(**{name: getattr(wanted.markers, name) for name in MarkersConfig.model_fields})
+    except ValueError as error:
+        raise InputError(f"detector.markers.{error}") from error
+    return MarkerDetector(settings)
 
 
 def make_source(uri: str, config: Config | None) -> FrameSource:
@@ -176,7 +236,9 @@ def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHead
 def _inputs(config: Config) -> list[Path]:
     """The files that decide what the run measures."""
     view = config.view
-    model = config.detector.model if config.detector.model is not None else default_model_path()
+    model = config.detector.model
+    if model is None and config.detector.kind != "markers":
+        model = default_model_path()
     paths = (config.track.file, config.track.image, view.keypoints, view.keypoints_camera, view.keypoints_twin, model)
     return [path for path in paths if path is not None]
 

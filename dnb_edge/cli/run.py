@@ -38,7 +38,9 @@ def run(
     record: Annotated[Path | None, typer.Option(help="Directory for the recording (MCAP).")] = None,
     laps: Annotated[int | None, typer.Option(min=1, help="End after so many complete laps.")] = None,
     display: Annotated[str | None, typer.Option(help="serial:/dev/ttyUSB0 for a lap display.")] = None,
-    model: Annotated[Path | None, typer.Option(help="Another detector model (.onnx with its card).")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Another detector model: .onnx with its card, or exported by Ultralytics.")
+    ] = None,
     overrides: Override = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")

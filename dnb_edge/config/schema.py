@@ -139,13 +139,51 @@ class ViewConfig(_Section):
         return self
 
 
+class MarkersConfig(_Section):
+    """The markers on the cars' roofs, for the detector `markers`."""
+
+    dictionary: str = "4X4_50"
+    """Family of the markers: 4X4_50 to 7X7_1000, APRILTAG_16h5 to APRILTAG_36h11."""
+    marker_size_m: Positive = 0.07
+    """Side of the marker's black square, metres."""
+    marker_height_m: Positive = 0.1
+    """Height of the marker above the floor, metres."""
+    marker_ahead_m: Number = 0.0
+    """How far the marker's centre lies ahead of the car's centre, towards the nose, metres."""
+    car_length_m: Positive = 0.235
+    """Length of the car, metres."""
+    ids: tuple[Whole, ...] = ()
+    """Numbers of the markers that are cars; none: all of the family."""
+    full_look_every: Annotated[Whole, Field(ge=0)] = 15
+    """While cars are followed, the whole frame is looked at every n-th frame too; 0: never."""
+    missing_look_every: Annotated[Whole, Field(ge=0)] = 5
+    """The same while one of `ids` is not seen; 0: never."""
+    least_confidence: Annotated[Number, Field(gt=0, lt=1)] = 0.6
+    """Share of a square's light and dark that the code must explain for it to count as read."""
+
+
 class DetectorConfig(_Section):
     """What finds the car."""
 
+    kind: Literal["auto", "centre", "ultralytics", "markers"] = "auto"
+    """`centre`: our own network; `ultralytics`: a model that Ultralytics exported; `markers`: markers on the roofs; `auto`:
+    the first or the second, as the model's file tells."""
     model: ConfigPath | None = None
-    """An ONNX model with its card (.json) beside it; none for the built-in one."""
+    """An ONNX model: one of ours with its card (.json) beside it, or one exported by Ultralytics; none for the built-in one."""
     threads: Annotated[Whole, Field(ge=1, le=16)] = 1
     """Processor threads that the detector may use."""
+    classes: tuple[str | Whole, ...] | None = None
+    """Ultralytics only: names or numbers of the classes that are cars; none for all."""
+    min_confidence: Annotated[Number, Field(ge=0, le=1)] = 0.25
+    """Ultralytics only: what is less sure is no car."""
+    iou: Annotated[Number, Field(ge=0, le=1)] = 0.7
+    """Ultralytics only: of boxes of one class that overlap by more the surest stays; idle where NMS is inside the model."""
+    shift_ratio: Number = 0.0
+    """Ultralytics only: the ground point lies as many box heights below the box's centre (0.5: its lower edge)."""
+    sigma_ratio: Positive = 0.05
+    """Ultralytics only: one sigma of the ground point as a share of the box's longest side."""
+    markers: MarkersConfig = MarkersConfig()
+    """The markers on the roofs, where kind is `markers`."""
 
 
 class CaptureConfig(_Section):
