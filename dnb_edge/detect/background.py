@@ -1,10 +1,10 @@
 """What the floor looks like without the cars: a picture at reduced size that follows light and furniture, never a followed car.
 
-Knows pixels and discs in which it must not learn; nothing of cars or networks. It looks at one band of rows a frame, all
-bands in turn. A pixel is learnt once it has kept its colour over several looks: a ghost (a car that stood there in the first
-frame) goes so within a second or two, furniture likewise, and something that drives through is never learnt. Inside the
-frozen discs nothing is learnt at all, nor for a while after a disc has gone: a car that stands still and is lost for a
-moment does not sink in.
+Knows pixels and discs in which it must not learn; nothing of cars or networks. It looks at one band of rows every few
+frames, all bands in turn. A pixel is learnt once it has kept its colour over several looks: a ghost (a car that stood there
+in the first frame) goes so within a second or two, furniture likewise, and something that drives through is never learnt.
+Inside the frozen discs nothing is learnt at all, nor for a while after a disc has gone: a car that stands still and is lost
+for a moment does not sink in.
 
 A bumped camera or a light switched on changes the picture everywhere at once. The background is then *unsettled*: what
 differs from it tells nothing of cars, and it looks at every band of every frame until it has caught up.
@@ -41,13 +41,15 @@ _EDGES_LAST = 250
 class BackgroundSettings:
     """How fast the background learns."""
 
-    bands: int = 8
-    """A frame is looked at in as many bands of rows, one a frame."""
-    stable_looks: int = 4
+    bands: int = 4
+    """A frame is looked at in as many bands of rows, one at a time."""
+    every_frames: int = 3
+    """One band is looked at every n-th frame: the others cost nothing."""
+    stable_looks: int = 3
     """A pixel that kept its colour for as many looks is learnt."""
     stable_levels: int = 14
     """Largest change, in levels of 0..255, that still counts as the same colour."""
-    hold_looks: int = 8
+    hold_looks: int = 6
     """As many looks more a pixel waits that was in a frozen disc."""
     unsettled_share: float = 0.5
     """The background is unsettled where more than this share of the picture's blocks, or of its edges, has moved ..."""
@@ -85,8 +87,12 @@ class Background:
         self._edges: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
         self._edges_age = 0
 
+    def is_due(self, number: int) -> bool:
+        """Whether it wants to look at frame `number`, counted from 0."""
+        return not self.settled or number % self.settings.every_frames == 0
+
     def rows(self) -> slice:
-        """The rows to look at in the coming frame: the next band; all of them where the background is unsettled."""
+        """The rows to look at next: one band; all of them where the background is unsettled."""
         height = self.picture.shape[0]
         if not self.settled:
             return slice(0, height)

@@ -1,7 +1,7 @@
 """The centre detector: our own network over windows round followed cars, or over the whole frame to find them.
 
 Knows frames, search windows and a background; nothing of metres, laps or who is who. With windows it looks at one small crop
-each, of native pixels whatever the frame's size, and beside them at one piece of the whole frame every few frames and at
+each, of native pixels whatever the frame's size, and beside them, every few frames, at one piece of the whole frame and at
 what moved elsewhere. Without windows, or where one came up empty, it searches: the whole frame at reduced size, one finer
 tile (all in turn), and close looks at the best candidates of this frame and the last and at what moves. State: the
 background, the last candidates and whose turn it is; the same frames give the same answers.
@@ -29,8 +29,8 @@ class CentreDetectorSettings:
     """Width of the whole frame as the network sees it."""
     piece_px: tuple[int, int] = (240, 144)
     """Width and height of the pieces in which the whole frame is looked at while a car is followed, network px."""
-    piece_every: int = 5
-    """While a car is followed one piece is looked at every n-th frame; 0: never."""
+    piece_every: int = 6
+    """While a car is followed one piece is looked at every n-th frame, between the background's; 0: never."""
     tile_px: tuple[int, int] = (320, 256)
     """Width and height of a fine tile, network px."""
     fine_width_px: int = 1280
@@ -135,22 +135,28 @@ class CentreDetector:
     ) -> list[Detection]:
         """While cars are followed: one band for the background, now and then a piece of the whole frame, and what moves."""
         settings = self._settings
-        frozen = self._frozen(windows, found)
-        rows = background.rows()
-        reduced = halved(image[rows.start * self._step_px : rows.stop * self._step_px], halvings_of(background))
-        background.compare(reduced, rows)
-        background.learn(reduced, rows, frozen=frozen)
         self._places = ()
-        if rows.stop == background.picture.shape[0] and background.settled:
-            blobs = moved_blobs(background.moved_cells, scale=background.scale, frozen=frozen)
-            self._places = tuple(blobs[: settings.following_looks])
-        if not settings.piece_every or self._turn % settings.piece_every:
+        if background.is_due(self._turn):
+            self._places = self._upkeep(image, background, self._frozen(windows, found))
+            return []
+        if not settings.piece_every or self._turn % settings.piece_every != 1:
             return []
         pieces = self._tiles(settings.whole_width_px, settings.piece_px)
         piece = pieces[self._turn // settings.piece_every % len(pieces)]
         seen = sight.look([piece], least_confidence=settings.acquire_confidence)[0]
         known = [one for one in seen if all(apart(one.camera_px, other) for other in found)]
         return [replace(one, confidence=0.8 * one.confidence) for one in known]
+
+    def _upkeep(self, image: BgrImage, background: Background, frozen: Sequence[Disc]) -> tuple[Candidate, ...]:
+        """Shows the background its next band; when all have been seen, where something has moved away from the cars."""
+        rows, step = background.rows(), self._step_px
+        reduced = halved(image[rows.start * step : rows.stop * step], halvings_of(background))
+        background.compare(reduced, rows)
+        background.learn(reduced, rows, frozen=frozen)
+        if rows.stop < background.picture.shape[0] or not background.settled:
+            return ()
+        blobs = moved_blobs(background.moved_cells, scale=background.scale, frozen=frozen)
+        return tuple(blobs[: self._settings.following_looks])
 
     def _search(
         self,
@@ -180,8 +186,9 @@ class CentreDetector:
             for some in sight.look(looks, least_confidence=settings.acquire_confidence)
             for one in some
         ]
-        rows = background.rows()
-        background.learn(reduced[rows], rows, frozen=frozen)
+        if background.is_due(self._turn):
+            rows = background.rows()
+            background.learn(reduced[rows], rows, frozen=frozen)
         unseen = [one for one in coarse if all(apart(one.camera_px, place) for place in places)]
         return [*close, *(replace(one, confidence=0.8 * one.confidence) for one in unseen)]
 

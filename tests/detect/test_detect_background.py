@@ -95,7 +95,7 @@ def test_a_change_of_light_is_learnt(level):
 
 
 def test_a_light_switched_on_unsettles_until_it_is_learnt():
-    """From the look that sees it the background is unsettled, learns every band in each frame, and is settled within eight."""
+    """From the look that sees it the background is unsettled, learns every band in each frame, and soon is settled again."""
     background = Background(_floor(100), scale=1.0)
     bright, unsettled = _floor(180), 0
     for number in range(60):
