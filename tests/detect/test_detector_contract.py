@@ -7,9 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from roof_markers import Roof, marker_print
 from ultralytics_graph import write_red_finder
 
 from dnb_edge.detect.centre import CentreDetector
+from dnb_edge.detect.markers import MarkerDetector, MarkerSettings
 from dnb_edge.detect.onnx import load_builtin_model, open_model
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.detect.ultralytics import UltralyticsDetector, UltralyticsSettings
@@ -30,7 +32,11 @@ def _ultralytics(folder: Path) -> Detector:
     return UltralyticsDetector(open_model(path), UltralyticsSettings(iou=0.05, min_confidence=0.1))
 
 
-DETECTORS: dict[str, Callable[[Path], Detector]] = {"centre": _centre, "ultralytics": _ultralytics}
+def _markers(folder: Path) -> Detector:
+    return MarkerDetector(MarkerSettings())
+
+
+DETECTORS: dict[str, Callable[[Path], Detector]] = {"centre": _centre, "ultralytics": _ultralytics, "markers": _markers}
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +45,15 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module", params=DETECTORS)
-def make(request, folder) -> Callable[[], Detector]:
+def kind(request) -> str:
+    """The detector under test."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def make(kind, folder) -> Callable[[], Detector]:
     """Makes a new detector of the kind under test."""
-    return lambda: DETECTORS[request.param](folder)
+    return lambda: DETECTORS[kind](folder)
 
 
 def _floor() -> np.ndarray:
@@ -56,8 +68,8 @@ def _place(frame: int) -> tuple[float, float]:
     return 320 + 220 * math.cos(angle), 180 + 110 * math.sin(angle)
 
 
-def _frame(number: int) -> np.ndarray:
-    """A plain red car of 44 px with black tyres at its place on the track."""
+def _frame(number: int, *, marked: bool = False) -> np.ndarray:
+    """A plain red car of 44 px with black tyres at its place on the track; `marked`, with a marker on a wide roof."""
     out = _floor()
     u, v = _place(number)
     for x in (-13, 13):
@@ -67,22 +79,30 @@ def _frame(number: int) -> np.ndarray:
             )
     cv2.rectangle(out, (round(u - 22), round(v - 9)), (round(u + 22), round(v + 9)), (40, 40, 200), -1)
     cv2.rectangle(out, (round(u - 11), round(v - 6)), (round(u + 4), round(v + 6)), (40, 30, 30), -1)
+    if marked:
+        printed = cv2.resize(marker_print(Roof()), (32, 32), interpolation=cv2.INTER_AREA)
+        left, top = round(u) - 16, round(v) - 16
+        out[top : top + 32, left : left + 32] = printed[:, :, None]
     return cv2.GaussianBlur(out, (0, 0), 0.7).astype(np.uint8)
 
 
-def _drive(detector: Detector) -> list[FrameDetections]:
+def _drive(detector: Detector, *, marked: bool) -> list[FrameDetections]:
     """A drive in which the core follows the car from the fourth frame on."""
     out: list[FrameDetections] = []
     for number in range(FRAMES):
         window = SearchWindow(target_id=1, camera_px=_place(number), length_px=44.0)
         windows = (window,) if number >= 4 else ()
-        out.append(detector.detect(_frame(number), sequence=number + 10, t_ns=number * 33_000_000, windows=windows))
+        out.append(
+            detector.detect(
+                _frame(number, marked=marked), sequence=number + 10, t_ns=number * 33_000_000, windows=windows
+            )
+        )
     return out
 
 
 @pytest.fixture(scope="module")
-def driven(make) -> list[FrameDetections]:
-    return _drive(make())
+def driven(make, kind) -> list[FrameDetections]:
+    return _drive(make(), marked=kind == "markers")
 
 
 def test_the_car_is_found(driven):
@@ -93,9 +113,9 @@ def test_the_car_is_found(driven):
         )
 
 
-def test_the_same_frames_give_the_same_answers(make, driven):
+def test_the_same_frames_give_the_same_answers(make, kind, driven):
     """State lives in the object alone: a second one repeats the first to the last bit."""
-    assert _drive(make()) == driven
+    assert _drive(make(), marked=kind == "markers") == driven
 
 
 def test_answers_carry_the_frames_number_and_stamp(driven):
