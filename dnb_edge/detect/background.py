@@ -49,7 +49,7 @@ class BackgroundSettings:
     """A pixel that kept its colour for as many looks is learnt."""
     stable_levels: int = 14
     """Largest change, in levels of 0..255, that still counts as the same colour."""
-    hold_looks: int = 6
+    hold_looks: int = 3
     """As many looks more a pixel waits that was in a frozen disc."""
     unsettled_share: float = 0.5
     """The background is unsettled where more than this share of the picture's blocks, or of its edges, has moved ..."""

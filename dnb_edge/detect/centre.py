@@ -206,7 +206,7 @@ class CentreDetector:
             Disc(centre_px=one.camera_px, radius_px=share * one.length_px)
             for window in windows
             for one in found
-            if one.confidence > 0.3 and math.dist(one.camera_px, window.camera_px) < 2.0 * window.length_px
+            if one.confidence > 0.3 and math.dist(one.camera_px, window.camera_px) < window.length_px
         )
         return discs
 

@@ -83,6 +83,51 @@ def test_a_network_of_another_shape_is_refused(tmp_path):
         load_model(path)
 
 
+def _written(path: Path, graph: object) -> Path:
+    """The graph as a model with its card."""
+    onnx = pytest.importorskip("onnx")
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9)
+    path.write_bytes(model.SerializeToString())
+    path.with_suffix(".json").write_text(json.dumps({"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}))
+    return path
+
+
+def _bytes_to_maps(path: Path, *, channels: int, batch: int | str = "n") -> Path:
+    """A network that takes bytes (n, h, w, 4) and answers `maps`, each channel the mean of the blue channel over a cell."""
+    onnx = pytest.importorskip("onnx")
+    helper, kind = onnx.helper, onnx.TensorProto
+    given = helper.make_tensor_value_info("pixels", kind.UINT8, [batch, "h", "w", 4])
+    answer = helper.make_tensor_value_info("maps", kind.FLOAT, [batch, channels, "gh", "gw"])
+    weight = np.zeros((channels, 4, 4, 4), np.float32)
+    weight[:, 0] = 1 / 16
+    nodes = [
+        helper.make_node("Cast", ["pixels"], ["real"], to=kind.FLOAT),
+        helper.make_node("Transpose", ["real"], ["planes"], perm=[0, 3, 1, 2]),
+        helper.make_node("Conv", ["planes", "weight"], ["maps"], kernel_shape=[4, 4], strides=[4, 4]),
+    ]
+    constant = onnx.numpy_helper.from_array(weight, "weight")
+    return _written(path, helper.make_graph(nodes, "maps", [given], [answer], [constant]))
+
+
+@pytest.mark.parametrize("channels", [7, 9])
+@pytest.mark.parametrize("batch", [1, "n"])
+def test_bytes_in_and_one_map_out(tmp_path, channels, batch):
+    """A network that takes bytes and answers one map is fed the pixels as they are, many at a time where it can."""
+    network = load_model(_bytes_to_maps(tmp_path / "m.onnx", channels=channels, batch=batch))
+    pixels = np.zeros((3, 32, 48, 4), np.uint8)
+    pixels[:, :, :, 0] = np.array([10, 20, 30], np.uint8)[:, None, None]
+    answers = network.many(pixels)
+    assert [float(maps.heat[0, 0]) for maps in answers] == [10.0, 20.0, 30.0]
+    assert answers[0].heading.shape == (channels - 5, 8, 12)
+
+
+@pytest.mark.parametrize("channels", [6, 8])
+def test_a_map_of_other_channels_is_refused(tmp_path, channels):
+    """One map with neither 7 nor 9 channels is not a centre network's."""
+    with pytest.raises(InputError, match=r"m\.onnx: not a centre network.*maps \(7 or 9\)"):
+        load_model(_bytes_to_maps(tmp_path / "m.onnx", channels=channels))
+
+
 def test_the_optimised_graph_is_int8_all_through(tmp_path):
     """After ONNX Runtime's optimisation every convolution is an integer one and nothing falls back to float in between."""
     onnx = pytest.importorskip("onnx")

@@ -86,7 +86,7 @@ def test_a_bumped_camera_is_survived(drive, by):
     )
     run = _follow(bumped)
     _assert_followed(run, bumped)
-    assert not [one for some in run.others[EVENT + 25 :] for one in some if one.moving]
+    assert not [one for some in run.others[EVENT + 15 :] for one in some if one.moving]
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.3, 1.6])
@@ -161,10 +161,10 @@ def test_nothing_moves_in_a_frozen_picture(drive):
 
 @pytest.mark.parametrize("size", [(1920, 1080), (3840, 2160)])
 def test_large_sources_are_followed_at_native_sharpness(size):
-    """In 1080p and 4K a car is found, and followed to within the same share of its length, with a better sigma in lengths."""
+    """In 1080p and 4K a car is found, and followed to within the same share of its length as in a small one."""
     rig = Rig(seed=2, laps=1, size_px=size)
-    frames = [rig.frame(i).bgr for i in range(12)]
-    drive = Drive([f for f in frames if f is not None], [rig.frame_truth(i).camera_px for i in range(12)])
+    frames = [rig.frame(i).bgr for i in range(7)]
+    drive = Drive([f for f in frames if f is not None], [rig.frame_truth(i).camera_px for i in range(7)])
     run = _follow(drive)
     _assert_followed(run, drive, since=3, within_px=14.0 * size[0] / 960)
 
