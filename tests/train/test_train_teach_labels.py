@@ -147,6 +147,8 @@ def test_a_find_counts_in_the_box_or_within_half_a_length():
     free = CarLabel(ground_px=(10.0, 10.0), length_px=10.0)
     assert boxed.is_hit_by((14.9, 13.9))
     assert not boxed.is_hit_by((10.0, 14.5))
+    assert not boxed.is_hit_by((4.0, 10.0))
+    assert not boxed.is_hit_by((16.0, 10.0))
     assert free.is_hit_by((10.0, 14.9))
     assert not free.is_hit_by((14.0, 14.0))
 

@@ -5,7 +5,14 @@ import pytest
 
 from dnb_edge.errors import InputError
 from dnb_edge.train.teach_labels import CarLabel, LabelledPicture, count_cars
-from dnb_edge.train.teach_sheet import MOST_SHOWN, draw_sheet, parse_rejected, shown_places, without_rejected
+from dnb_edge.train.teach_sheet import (
+    MOST_SHOWN,
+    LabelPlace,
+    draw_sheet,
+    parse_rejected,
+    shown_places,
+    without_rejected,
+)
 
 
 def _drive(count, paths=1):
@@ -83,3 +90,12 @@ def test_rejecting_a_letter_leaves_the_other_path_whole():
     assert count_cars(kept) == 100
     assert all(car.path == 0 for one in kept for car in one.cars if car.sure)
     assert len(kept[0].cars) == 2
+
+
+def test_a_rejected_label_at_the_end_of_a_path_leaves_the_next_path_alone():
+    """The end of path A stands for path A alone, though the beginning of B follows it on the sheet."""
+    pictures = _drive(50, paths=2)
+    shown = [LabelPlace(picture=49, car=0), LabelPlace(picture=49, car=1)]
+    kept = without_rejected(pictures, shown, {0})
+    assert count_cars(kept) == 50
+    assert {car.path for one in kept for car in one.cars if not car.sure} == {0}
