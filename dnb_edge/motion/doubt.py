@@ -50,20 +50,20 @@ def named(targets: Sequence[Followed], own: Mapping[int, Sighting], t_ns: int) -
 
 
 def _opened(targets: Sequence[Followed], own: Mapping[int, Sighting], t_ns: int) -> list[Followed]:
-    """The targets with doubt cast on all that have just met, or of which one shows another's number."""
+    """The targets with doubt cast on all that have just met or come back, or of which one shows another's number."""
     opened = list(targets)
     live = [i for i, target in enumerate(targets) if target.state in LIVE]
     for i, k in combinations(live, 2):
         a, b = opened[i], opened[k]
         merged = a.merged_since_t_ns is not None and b.merged_since_t_ns is not None
-        met = (merged or are_near(a, b)) and a.looks.differs_from(b.looks)
+        met = (merged or are_near(a, b) or a.returned or b.returned) and a.looks.differs_from(b.looks)
         if not met and not _shows(own.get(i), a, b) and not _shows(own.get(k), b, a):
             continue
         group = _group(a) | _group(b)
         for j in live:
             if opened[j].target_id in group:
                 opened[j] = _in_doubt(opened[j], group, t_ns)
-    return opened
+    return [replace(target, returned=False) if target.returned else target for target in opened]
 
 
 def _shows(sighting: Sighting | None, target: Followed, other: Followed) -> bool:
@@ -96,8 +96,11 @@ def _decided(members: Sequence[Followed], t_ns: int) -> list[Followed]:
     """The members of one group under the names that fit, free of doubt where that is settled; else unchanged."""
     doubts = [target.doubt for target in members]
     present = [doubt for doubt in doubts if doubt is not None]
-    if len(members) < 2 or len(present) < len(members) or _expired(present, t_ns):
+    if len(present) < len(members) or _expired(present, t_ns):
         return [replace(target, doubt=None) for target in members]
+    if len(members) < 2:
+        # The other is out of sight: what comes back may be either.
+        return list(members)
     if not any(one.looks.marker is not None for one in present) and any(one.votes < VOTES for one in present):
         return list(members)
     costs = [[target.looks.misfit(one.looks) for target in members] for one in present]

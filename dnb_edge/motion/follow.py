@@ -27,6 +27,12 @@ MERGED_S = 1.0
 MERGED_SIGMA_LENGTHS = 0.25
 """One standard deviation of a shared detection about the middle of the cars, in car lengths."""
 
+MERGED_REACH_LENGTHS = 0.5
+"""Distance from a shared detection, in car lengths, beyond which a car that shares it is drawn back."""
+
+STILL_MERGED_LENGTHS = 2.0
+"""Distance from a detection, in car lengths, within which cars that have shared one are taken to share it still."""
+
 GHOST_LENGTHS = 0.5
 """Distance from a followed car, in its lengths, within which a newcomer is a second detection of it."""
 
@@ -68,9 +74,8 @@ class Follower:
         """
         predicted = [ahead(target, t_ns, self._settings) for target in self._followed]
         owners = self._assign(predicted, sightings)
-        after, own = self._observed(predicted, sightings, owners)
+        after, own, taken = self._observed(predicted, sightings, owners)
         after = named(after, {i: sightings[j] for i, j in own.items()}, t_ns)
-        taken = set(owners.values())
         newcomers = [
             self._born(sighting)
             for j, sighting in enumerate(sightings)
@@ -156,24 +161,20 @@ class Follower:
 
     def _observed(
         self, targets: Sequence[Followed], sightings: Sequence[Sighting], owners: Mapping[int, int]
-    ) -> tuple[list[Followed], dict[int, int]]:
-        """The targets after their sightings, and who had which one for itself."""
+    ) -> tuple[list[Followed], dict[int, int], set[int]]:
+        """The targets after their sightings, who had which one for itself, and all sightings that are spoken for."""
         sharing = _sharing(targets, sightings, owners)
-        own = {i: j for i, j in owners.items() if i not in sharing and i not in sharing.values()}
+        own = {i: j for i, j in owners.items() if j not in sharing}
         after = list(targets)
         for i, j in own.items():
             alone = targets[i].doubt is None and not any(
                 k != i and other.state in LIVE and are_near(targets[i], other) for k, other in enumerate(targets)
             )
             after[i] = seen(targets[i], sightings[j], learn=alone)
-        for owner in sorted(set(sharing.values())):
-            members = [owner, *(i for i, other in sharing.items() if other == owner)]
-            sighting = sightings[owners[owner]]
-            middle = _of_several(sighting.observation, max(targets[i].length_m for i in members))
-            estimates = kalman.update_mean([targets[i].estimate for i in members], middle.track_m, middle.covariance_m2)
-            for i, estimate in zip(members, estimates, strict=True):
-                after[i] = shared(targets[i], middle, estimate, on_lane=sighting.on_lane)
-        return after, own
+        for j, members in sharing.items():
+            for i, target in zip(members, _shared([targets[i] for i in members], sightings[j]), strict=True):
+                after[i] = target
+        return after, own, {*owners.values(), *sharing}
 
     def _born(self, sighting: Sighting) -> Followed:
         self._next_id += 1
@@ -211,7 +212,8 @@ class Follower:
         if car is None:
             return replace(newcomer, state=TargetState.CONFIRMED)
         self._missing = [other for other in self._missing if other is not car]
-        return replace(renamed(newcomer, car.target_id, car.looks), state=TargetState.CONFIRMED)
+        found = renamed(newcomer, car.target_id, car.looks)
+        return replace(found, state=TargetState.CONFIRMED, returned=self._settings.cars > 1)
 
     def _earned(self, target: Followed) -> bool:
         return (
@@ -225,23 +227,52 @@ def _distance(target: Followed, sighting: Sighting) -> float:
     return kalman.distance_squared(target.estimate, observation.track_m, observation.covariance_m2)
 
 
-def _sharing(targets: Sequence[Followed], sightings: Sequence[Sighting], owners: Mapping[int, int]) -> dict[int, int]:
-    """For each car in sight that got nothing, the near car with whose detection it seems to have merged: a detection that
-    lies nearer to the middle of the two than to where its owner alone should be.
-    """
-    sharing: dict[int, int] = {}
-    for i, target in enumerate(targets):
-        if i in owners or target.state is not TargetState.CONFIRMED or _merged_too_long(target):
-            continue
-        for k, j in sorted(owners.items()):
-            other, at_m = targets[k], sightings[j].observation.track_m
-            if other.state not in LIVE or not are_near(target, other):
-                continue
-            (ax, ay), (bx, by) = target.estimate.track_m, other.estimate.track_m
-            if math.dist(at_m, ((ax + bx) / 2, (ay + by) / 2)) < math.dist(at_m, (bx, by)):
-                sharing[i] = k
+def _sharing(
+    targets: Sequence[Followed], sightings: Sequence[Sighting], owners: Mapping[int, int]
+) -> dict[int, list[int]]:
+    """The detections that are of several cars, by index, with those cars: each got nothing of its own, or this one."""
+    owned = {j: i for i, j in owners.items()}
+    sharing: dict[int, list[int]] = {}
+    without = [
+        i for i, car in enumerate(targets) if i not in owners and car.state in LIVE and not _merged_too_long(car)
+    ]
+    for i in without:
+        for j, sighting in enumerate(sightings):
+            others = [owned[j]] if j in owned else [k for k in without if k != i]
+            if any(_is_of_both(targets[i], targets[k], sighting.observation) for k in others):
+                members = sharing.setdefault(j, [owned[j]] if j in owned else [])
+                members.append(i)
                 break
-    return sharing
+    return {j: members for j, members in sharing.items() if len(members) > 1}
+
+
+def _is_of_both(car: Followed, other: Followed, observation: Observation) -> bool:
+    """Whether one detection seems to be of two cars: it lies nearer to the middle of them than to the other one, or they
+    have been one detection already and it is still within reach.
+    """
+    if other.state not in LIVE:
+        return False
+    (ax, ay), (bx, by), at_m = car.estimate.track_m, other.estimate.track_m, observation.track_m
+    if car.merged_since_t_ns is not None and other.merged_since_t_ns is not None:
+        return math.dist(at_m, (ax, ay)) <= STILL_MERGED_LENGTHS * car.length_m
+    middle_m = math.dist(at_m, ((ax + bx) / 2, (ay + by) / 2))
+    return are_near(car, other) and middle_m < min(math.dist(at_m, (bx, by)), car.length_m / 2)
+
+
+def _shared(cars: Sequence[Followed], sighting: Sighting) -> list[Followed]:
+    """The cars after one detection of them all: it tells where their middle is, and that none is far from it."""
+    length_m = max(car.length_m for car in cars)
+    middle = _of_several(sighting.observation, MERGED_SIGMA_LENGTHS * length_m)
+    about = _of_several(sighting.observation, MERGED_REACH_LENGTHS * length_m)
+    estimates = kalman.update_mean([car.estimate for car in cars], middle.track_m, middle.covariance_m2)
+    after = []
+    for car, estimate in zip(cars, estimates, strict=True):
+        away_m = math.dist(estimate.track_m, about.track_m)
+        held = estimate
+        if away_m > MERGED_REACH_LENGTHS * length_m:
+            held = kalman.update(estimate, about.track_m, about.covariance_m2)
+        after.append(shared(car, about, held, on_lane=sighting.on_lane))
+    return after
 
 
 def _merged_too_long(target: Followed) -> bool:
@@ -249,11 +280,10 @@ def _merged_too_long(target: Followed) -> bool:
     return since_t_ns is not None and (target.estimate.t_ns - since_t_ns) * 1e-9 > MERGED_S
 
 
-def _of_several(observation: Observation, length_m: float) -> Observation:
-    """The observation as one of several cars: less sure, since nobody knows which part of them was found."""
+def _of_several(observation: Observation, more_m: float) -> Observation:
+    """The observation with `more_m` added to its standard deviations: nobody knows which part of the cars was found."""
     xx, xy, yy = observation.covariance_m2
-    more = (MERGED_SIGMA_LENGTHS * length_m) ** 2
-    return replace(observation, covariance_m2=(xx + more, xy, yy + more))
+    return replace(observation, covariance_m2=(xx + more_m**2, xy, yy + more_m**2))
 
 
 def _covered(observation: Observation, targets: Sequence[Followed]) -> bool:

@@ -65,13 +65,15 @@ class Followed:
     observations: int = 1
     looks: Appearance = UNKNOWN
     doubt: Doubt | None = None
+    returned: bool = False
+    """True in the frame in which it was taken for a car that had been lost."""
     merged_since_t_ns: int | None = None
     """Stamp from which on it shares one detection with another target; None while it has its own."""
 
     @property
     def held(self) -> bool:
         """Whether its observations must wait: it is not yet taken for a car, or not surely for this one."""
-        return self.state is TargetState.TENTATIVE or self.doubt is not None
+        return self.state is TargetState.TENTATIVE or self.doubt is not None or self.returned
 
     @property
     def travel_m(self) -> float:
