@@ -29,7 +29,7 @@ class CentreDetectorSettings:
     """Width of the whole frame as the network sees it."""
     piece_px: tuple[int, int] = (240, 144)
     """Width and height of the pieces in which the whole frame is looked at while a car is followed, network px."""
-    piece_every: int = 6
+    piece_every: int = 9
     """While a car is followed one piece is looked at every n-th frame, between the background's; 0: never."""
     tile_px: tuple[int, int] = (320, 256)
     """Width and height of a fine tile, network px."""

@@ -206,12 +206,30 @@ def look_pixels(
     `background` is the frame halved some times, `background_scale` its size over the frame's: 1, 1/2, 1/4 ... The difference
     is zero where there is no background, and where more than the share `most_moved` has moved: then the light has changed.
     """
-    part = _cut(image, look)
     if background is None:
+        part = _cut(image, look)
         return _stacked(part, np.zeros(part.shape[:2], dtype=np.uint8))
-    moved = _difference_cut(image, background, look, round(math.log2(1.0 / background_scale)))
+    times = round(math.log2(1.0 / background_scale))
+    half = _halved_look(image, background, look, times)
+    if half is not None:
+        part = resized(half, (look.out_width_px, look.out_height_px))
+        left, top = look.left_px >> times, look.top_px >> times
+        moved = difference(half, background[top : top + half.shape[0], left : left + half.shape[1]])
+    else:
+        part, moved = _cut(image, look), _difference_cut(image, background, look, times)
     if most_moved < 1.0:
         _, over = cv2.threshold(moved, MOVED_LEVEL, 255.0, cv2.THRESH_BINARY)
         if cv2.countNonZero(over) > most_moved * over.size:
             moved = np.zeros_like(moved)
     return _stacked(part, moved)
+
+
+def _halved_look(image: BgrImage, background: BgrImage, look: Look, times: int) -> BgrImage | None:
+    """The look's part of the frame at the background's size, where that is fine enough and wholly inside; else None."""
+    edges = (look.left_px, look.top_px, look.left_px + look.width_px, look.top_px + look.height_px)
+    left, top, right, bottom = (edge >> times for edge in edges)
+    inside = left >= 0 and top >= 0 and right <= background.shape[1] and bottom <= background.shape[0]
+    enough = right - left >= look.out_width_px and bottom - top >= look.out_height_px
+    if not (inside and enough) or any(edge % (1 << times) for edge in edges):
+        return None
+    return halved(image[edges[1] : edges[3], edges[0] : edges[2]], times)
