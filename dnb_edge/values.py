@@ -266,6 +266,8 @@ class Health:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     """What is not wrong but wants somebody's hand, such as a car that has not moved yet; sentences."""
+    picture: str | None = None
+    """What is wrong with the picture: `black`, `overexposed`, `covered` or `frozen`; None where it shows something."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -277,6 +279,8 @@ class RunSummary:
     laps: int
     recording: str | None
     """Path of the finished recording; None where none was asked for."""
+    bad_pictures: tuple[str, ...] = ()
+    """What was wrong with the picture and for how long, such as `black for 2.4 s`; empty where it was good."""
 
 
 Event: TypeAlias = Observation | Target | Crossing | Lap | Score | Health | RunSummary

@@ -82,6 +82,10 @@ def say_summary(console: Console, summary: RunSummary) -> None:
         f"{summary.laps} laps; the car was found in {summary.detected_frames} of {summary.frames} frames.",
         highlight=False,
     )
+    if summary.bad_pictures:
+        console.print(
+            f"The picture was {', '.join(summary.bad_pictures)}: no car was looked for then.", highlight=False
+        )
     if summary.recording is not None:
         console.print(f"Recording: {summary.recording}", highlight=False, soft_wrap=True)
 

@@ -11,9 +11,10 @@ import re
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dnb_edge.capture.decode import decode_bgr
+from dnb_edge.capture.picture_health import PictureJudge
 from dnb_edge.core import Core
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.meter import Meter
@@ -22,7 +23,18 @@ from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import Clock, Event, Frame, Health, Lap, Observation, RunSummary, SourceInfo
+from dnb_edge.values import (
+    BgrImage,
+    Clock,
+    Event,
+    Frame,
+    FrameDetections,
+    Health,
+    Lap,
+    Observation,
+    RunSummary,
+    SourceInfo,
+)
 
 TICK_S = 0.25
 """Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
@@ -48,6 +60,10 @@ class Race:
     _last_t_ns: int | None = None
     _told_fault: str | None = None
     _known_warnings: frozenset[str] = frozenset()
+    _pictures: PictureJudge = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._pictures = PictureJudge(live=self.info.live)
 
     def run(self) -> RunSummary:
         """Races until the source ends, the wanted laps are complete or `stop` is set; returns the summary so far.
@@ -66,7 +82,11 @@ class Race:
             self._tell(event)
         self._tell(self._health())
         return RunSummary(
-            frames=self.meter.frames, detected_frames=self.meter.detected_frames, laps=self.laps, recording=None
+            frames=self.meter.frames,
+            detected_frames=self.meter.detected_frames,
+            laps=self.laps,
+            recording=None,
+            bad_pictures=tuple(f"{fault} for {lasted:.1f} s" for fault, lasted in self._pictures.lasted_s.items()),
         )
 
     def _race(self, frame: Frame) -> None:
@@ -81,8 +101,9 @@ class Race:
             self.notifier.ready()
         self._last_t_ns = frame.t_ns
         self.meter.frame(frame)
-        windows = self.core.windows(frame.t_ns)
-        found = self.detector.detect(image, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
+        picture_changed = self._pictures.look(image, frame.t_ns)
+        self.meter.picture = self._pictures.fault
+        found = self._detect(image, frame)
         for sink in self.sinks:
             sink.frame(frame, found)
         events = self.core.step(found)
@@ -91,8 +112,15 @@ class Race:
             self.meter.latency((time.monotonic_ns() - frame.t_ns) * 1e-6)
         for event in events:
             self._tell(event)
-        if self.meter.due:
+        if self.meter.due or picture_changed:
             self._tell(self._health())
+
+    def _detect(self, image: BgrImage, frame: Frame) -> FrameDetections:
+        """What the detector finds; nothing in a picture that shows nothing, of which it must not learn a background either."""
+        if not self._pictures.shows_something:
+            return FrameDetections(sequence=frame.sequence, t_ns=frame.t_ns, detections=(), full_frame=False)
+        windows = self.core.windows(frame.t_ns)
+        return self.detector.detect(image, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
 
     def _tell(self, event: Event) -> None:
         self.laps += isinstance(event, Lap)
@@ -103,7 +131,9 @@ class Race:
         self._told_fault = self.feed.fault
         faults = () if self._told_fault is None else (self._told_fault,)
         warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
-        health = self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings)
+        health = self.meter.health(
+            display=self._display(), recording=self._recording(), warnings=warnings, notes=self.core.notes()
+        )
         self._warn(health.warnings)
         return health
 

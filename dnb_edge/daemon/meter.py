@@ -6,11 +6,16 @@ Reads no clock: the race tells it the latency where there is one. For files all 
 from __future__ import annotations
 
 import statistics
+from collections import deque
 from dataclasses import dataclass, field
 
+from dnb_edge.capture.picture_health import REMEDIES, PictureFault
 from dnb_edge.values import Frame, Health, Observation
 
 PERIOD_NS = 1_000_000_000
+
+COUNTED_KEPT = 600
+"""Frames that are remembered as counted: twice as many as observations can be held back."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -25,11 +30,15 @@ class Meter:
     detected_frames: int = 0
     dropped_frames: int = 0
     unreadable_frames: int = 0
+    picture: PictureFault | None = None
+    """What is wrong with the picture at present."""
     _first_t_ns: int | None = None
     _last: Frame | None = None
     _period_t_ns: int = 0
     _period_frames: int = 0
     """Frames after the one that began the period."""
+    _counted: deque[int] = field(default_factory=lambda: deque(maxlen=COUNTED_KEPT))
+    """Stamps of the latest frames in which a car was found."""
     _latencies_ms: list[float] = field(default_factory=list)
 
     def frame(self, frame: Frame) -> None:
@@ -44,8 +53,10 @@ class Meter:
         self.frames += 1
 
     def observed(self, observations: list[Observation]) -> None:
-        """Counts the frames in which the car was found."""
-        self.detected_frames += len({observation.t_ns for observation in observations})
+        """Counts the frames in which a car was found; several cars may tell of the same frame at different times."""
+        new = {observation.t_ns for observation in observations} - set(self._counted)
+        self._counted.extend(sorted(new))
+        self.detected_frames += len(new)
 
     def latency(self, milliseconds: float) -> None:
         """Notes the time from a frame's stamp to its events."""
@@ -56,12 +67,15 @@ class Meter:
         """Whether a second has passed since the last `Health`."""
         return self._last is not None and self._last.t_ns - self._period_t_ns >= PERIOD_NS
 
-    def health(self, *, display: str, recording: str, warnings: tuple[str, ...] = ()) -> Health:
+    def health(
+        self, *, display: str, recording: str, warnings: tuple[str, ...] = (), notes: tuple[str, ...] = ()
+    ) -> Health:
         """The `Health` now; starts the next period."""
         t_ns = self._last.t_ns if self._last is not None else 0
         span_ns = t_ns - self._period_t_ns
         latency_ms = statistics.median(self._latencies_ms) if self._latencies_ms else None
         unreadable = (f"{self.unreadable_frames} unreadable pictures",) if self.unreadable_frames else ()
+        picture = () if self.picture is None else (REMEDIES[self.picture],)
         health = Health(
             t_ns=t_ns,
             t_s=(t_ns - (self._first_t_ns or 0)) * 1e-9,
@@ -74,7 +88,10 @@ class Meter:
             recording=recording,
             view_error_mean_px=self.view_error_mean_px,
             view_error_mean_m=self.view_error_mean_m,
-            warnings=(*self.standing_warnings, *unreadable, *warnings),
+            notes=notes,
+            # Boards show the first few: without a picture nothing else matters.
+            warnings=(*picture, *self.standing_warnings, *unreadable, *warnings),
+            picture=None if self.picture is None else self.picture.value,
         )
         self._period_t_ns, self._period_frames = t_ns, 0
         self._latencies_ms.clear()

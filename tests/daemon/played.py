@@ -24,7 +24,14 @@ def wait_until(true: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def frame(sequence: int, *, t_ns: int | None = None, jpeg: bytes | None = None) -> Frame:
+def scene(sequence: int) -> BgrImage:
+    """A picture that shows something, no two alike, as a camera's noise makes them."""
+    v, u = np.mgrid[0 : SIZE_PX[1], 0 : SIZE_PX[0]]
+    picture = np.where((u // 8 + v // 8) % 2 == 0, 60, 180) + np.random.default_rng(sequence).integers(-3, 4, u.shape)
+    return np.repeat(picture[..., None], 3, axis=2).astype(np.uint8)
+
+
+def frame(sequence: int, *, t_ns: int | None = None, jpeg: bytes | None = None, bgr: BgrImage | None = None) -> Frame:
     """Frame `sequence` of a source of 100 frames a second."""
     return Frame(
         sequence=sequence,
@@ -33,7 +40,7 @@ def frame(sequence: int, *, t_ns: int | None = None, jpeg: bytes | None = None) 
         width_px=SIZE_PX[0],
         height_px=SIZE_PX[1],
         jpeg=jpeg,
-        bgr=np.zeros((SIZE_PX[1], SIZE_PX[0], 3), dtype=np.uint8) if jpeg is None else None,
+        bgr=(scene(sequence) if bgr is None else bgr) if jpeg is None else None,
     )
 
 

@@ -63,6 +63,14 @@ def test_frames_are_detected_once() -> None:
     assert counts.detected_frames == 4
 
 
+def test_a_frame_told_of_by_two_cars_at_different_times_counts_once() -> None:
+    """What one car's observations say late, after a meeting, is no second frame."""
+    counts = meter()
+    counts.observed([observation(1), observation(2)])
+    counts.observed([observation(1), observation(2), observation(3)])
+    assert counts.detected_frames == 3
+
+
 def test_latency_is_the_median_of_its_period() -> None:
     """The median since the last Health; None where there was none."""
     counts = meter()
