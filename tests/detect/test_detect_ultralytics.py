@@ -150,6 +150,7 @@ def test_boxes_that_cannot_be_cars_are_left_out(tmp_path):
         (-30.0, 40.0, 20.0, 10.0, 0.9, 0, 0.0),
         (30.0, 40.0, 0.0, 0.0, 0.8, 0, 0.0),
         (float("nan"), 40.0, 20.0, 10.0, 0.7, 0, 0.0),
+        (30.0, 70.0, 20.0, float("nan"), 0.7, 0, 0.0),
         APART,
     )
     for task in ("detect", "obb"):
@@ -235,6 +236,12 @@ def test_overlap_of_rotated_boxes():
     assert apart == pytest.approx(gaussian_overlap(near, spread, here, spread).item())
     assert same > apart > gaussian_overlap(here, spread, far, spread).item() == pytest.approx(0.0, abs=1e-3)
     assert gaussian_overlap(here, spread, here, turned).item() < 0.8
+    slanted = np.array([[20.0, 20.0, 15.0]], np.float32)  # long from top left to bottom right
+    along, across = np.array([[4, 4]], np.float32), np.array([[4, -4]], np.float32)
+    assert (
+        gaussian_overlap(here, slanted, along, slanted).item()
+        > 0.2 + gaussian_overlap(here, slanted, across, slanted).item()
+    )
 
 
 @pytest.mark.parametrize("kind", [onnx.TensorProto.FLOAT, onnx.TensorProto.FLOAT16])
