@@ -165,7 +165,7 @@ class Core:
 
     def parked(self) -> tuple[PointM, ...]:
         """Places, track m, where something that looks like a car has stood for a while and never moved."""
-        return tuple(target.estimate.track_m for target in self._follower.parked)
+        return tuple(target.first.track_m for target in self._follower.parked)
 
     def notes(self) -> tuple[str, ...]:
         """What the core would like to be told or shown, a sentence each: parked things, as long as a car is wanted."""

@@ -109,7 +109,13 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
         lines.append("the car crosses the start line, lap 1 begins" if later.lap_number == 1 else later.state_line)
     known = () if earlier is None or earlier.health is None else earlier.health.warnings
     warnings = () if later.health is None else later.health.warnings
-    return [*lines, *(f"warning: {warning}" for warning in warnings if warning not in known)]
+    notes = () if later.health is None else later.health.notes
+    noted = () if earlier is None or earlier.health is None else earlier.health.notes
+    return [
+        *lines,
+        *(f"warning: {warning}" for warning in warnings if warning not in known),
+        *(f"note: {note}" for note in notes if note not in noted),
+    ]
 
 
 def _headline(state: BoardState) -> RenderableType:
@@ -181,4 +187,6 @@ def _health(state: BoardState) -> RenderableType:
         Text(f"! {warning}", style="yellow", no_wrap=True, overflow="ellipsis")
         for warning in health.warnings[:WARNINGS_SHOWN]
     ]
-    return Group(facts, *warnings)
+    free = WARNINGS_SHOWN - len(warnings)
+    notes = [Text(f"? {note}", no_wrap=True, overflow="ellipsis") for note in health.notes[:free]]
+    return Group(facts, *warnings, *notes)

@@ -36,7 +36,7 @@ class RunResult:
     track: Track
     laps: tuple[Lap, ...] = ()
     scores: tuple[Score, ...] = ()
-    """At most one a lap, joined to it by `Score.lap`."""
+    """At most one a lap, joined to it by `Score.lap` and the car."""
     crossings: tuple[Crossing, ...] = ()
     paths_m: tuple[Points, ...] = ()
     """The driven path of each lap, (n, 2), track m; (0, 2) where it was not seen."""
@@ -91,7 +91,8 @@ class RunResult:
 
     def score_of(self, lap: Lap) -> Score | None:
         """The score of `lap`; None where it was not scored."""
-        return next((score for score in self.scores if score.lap == lap.number), None)
+        mine = (score for score in self.scores if (score.lap, score.target_id) == (lap.number, lap.target_id))
+        return next(mine, None)
 
 
 def lap_paths(

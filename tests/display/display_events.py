@@ -44,7 +44,7 @@ def target(t_s, state=values.TargetState.CONFIRMED):
     )
 
 
-def health(t_s=3.0, *, warnings=(), display="online"):
+def health(t_s=3.0, *, warnings=(), notes=(), display="online"):
     return values.Health(
         t_ns=round(t_s * 1e9),
         t_s=t_s,
@@ -58,6 +58,7 @@ def health(t_s=3.0, *, warnings=(), display="online"):
         view_error_mean_px=None,
         view_error_mean_m=None,
         warnings=warnings,
+        notes=notes,
     )
 
 

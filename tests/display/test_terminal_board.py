@@ -124,6 +124,17 @@ def test_printed_lines():
     assert printed_lines(begun, done) == [lap_line(lap(1)), "finished"]
 
 
+def test_a_note_is_shown_where_warnings_leave_room_and_printed_once():
+    """What wants somebody's hand stands below the warnings, never in their place; a pipe gets it as a line of its own."""
+    note = "something like a car stands at (3.00, 2.00) m"
+    asking = BoardState().after(health(5.0, notes=(note,)))
+    assert printed_lines(BoardState(), asking) == [f"note: {note}"]
+    assert printed_lines(asking, asking.after(health(6.0, notes=(note,)))) == []
+    assert f"? {note}" in "\n".join(render(asking))
+    full = BoardState().after(health(5.0, warnings=("dark", "cold"), notes=(note,)))
+    assert note not in "\n".join(render(full))
+
+
 def test_a_pipe_gets_plain_lines():
     """Where stderr is no terminal there is no escape sequence and no picture, only the lines."""
     text = io.StringIO()
