@@ -36,8 +36,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for samples, checkpoints and the model")
     parser.add_argument("--name", default="dnb-edge-centre-v2")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--iterations", type=int, default=16000)
-    parser.add_argument("--shards", type=int, default=160, help=f"files of {SHARD_SAMPLES} samples each")
+    parser.add_argument("--iterations", type=int, default=24000)
+    parser.add_argument("--shards", type=int, default=220, help=f"files of {SHARD_SAMPLES} samples each")
     parser.add_argument("--batch", type=int, default=32)
     parser.add_argument("--held-out", type=int, default=400, help="samples to measure on")
     parser.add_argument(

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dnb_edge.detect.lean import UNKNOWN, lean_bytes
 from dnb_edge.train.scene import SCENE_PX
 from dnb_edge.values import BgrImage
 
@@ -21,8 +22,9 @@ FloatImage = NDArray[np.float32]
 WINDOW_PX = 128
 CELL_PX = 4
 GRID = WINDOW_PX // CELL_PX
-TARGETS = 10
-"""Channels of the targets: heat, vote weight, offset u, offset v, log size, cos 2a, sin 2a, cos a, sin a, heat weight."""
+TARGETS = 11
+"""Channels of the targets: heat, vote weight, offset u, offset v, log size, cos 2a, sin 2a, cos a, sin a, heat weight, sense
+weight."""
 FOLLOWED_LENGTH_PX = 44.0
 """Length of a followed car in its window: half of the windows are made like that, the others of all sizes."""
 REFERENCE_LENGTH_PX = 32.0
@@ -32,7 +34,7 @@ _LEAST_SCALE = WINDOW_PX / SCENE_PX + 0.001
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Batch:
-    """Inputs (n, 128, 128, 4) uint8 and targets (n, 10, 32, 32) float32."""
+    """Inputs (n, 128, 128, 6) uint8 and targets (n, 11, 32, 32) float32."""
 
     inputs: NDArray[np.uint8]
     targets: NDArray[np.float32]
@@ -125,7 +127,7 @@ def moved_labels(labels: FloatImage, transform: NDArray[np.float64]) -> FloatIma
 
 
 def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDArray[np.float32]:
-    """Targets (10, rows, columns) for labels (k, 6) in the window's px."""
+    """Targets (11, rows, columns) for labels (k, 6) in the window's px."""
     rows, columns = grid
     out = np.zeros((TARGETS, rows, columns), dtype=np.float32)
     out[9] = 1.0
@@ -150,24 +152,50 @@ def targets_for(labels: FloatImage, grid: tuple[int, int] = (GRID, GRID)) -> NDA
             out[channel][near] = value[near]
         out[4][near] = math.log(length / REFERENCE_LENGTH_PX)
         out[5][near], out[6][near] = cosine * cosine - sine * sine, 2.0 * cosine * sine
-        out[7][near], out[8][near] = cosine, sine
+        body = (squared < max(_VOTE_CELLS, 0.4 * length / CELL_PX) ** 2) & (out[10] == 0.0)
+        out[7][body], out[8][body], out[10][body] = cosine, sine, 1.0
     return out
 
 
+def _lean_channels(lean: FloatImage | None, transform: NDArray[np.float64], rng: Rng) -> NDArray[np.uint8]:
+    """The two channels (128, 128, 2) that tell the lean: not known, a little wrong, or the same all over as in small windows.
+
+    `lean` is a sample's plane (2, 3); None for a picture of which nothing is known.
+    """
+    if lean is None or rng.random() < 0.35:
+        return np.full((WINDOW_PX, WINDOW_PX, 2), UNKNOWN, dtype=np.uint8)
+    linear = transform[:, :2]
+    back = np.linalg.inv(linear)
+    turn = linear / math.sqrt(abs(float(np.linalg.det(linear))))
+    slope = lean[:, :2].astype(np.float64) @ back
+    level = lean[:, 2] - slope @ transform[:, 2] + rng.normal(0, 0.03, 2)
+    if rng.random() < 0.6:
+        flat = turn @ (level + slope @ np.full(2, (WINDOW_PX - 1) / 2.0))
+        return np.tile(lean_bytes(flat), (WINDOW_PX, WINDOW_PX, 1))
+    v, u = np.mgrid[0:WINDOW_PX, 0:WINDOW_PX].astype(np.float32)
+    slope, level = turn @ slope, turn @ level
+    return lean_bytes(np.dstack([slope[i, 0] * u + slope[i, 1] * v + level[i] for i in (0, 1)]))
+
+
 def make_window(
-    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng
+    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng, *, lean: FloatImage | None = None
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One input (128, 128, 4) and its targets from a sample's pictures (2, 192, 192, 3) and labels (k, 6)."""
+    """One input (128, 128, 6) and its targets from a sample's pictures (2, 192, 192, 3), labels (k, 6) and lean (2, 3)."""
     transform = _window_transform(labels, rng)
     size = (WINDOW_PX, WINDOW_PX)
     warped = cv2.warpAffine(pictures[0], transform, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     image: NDArray[np.uint8] = np.asarray(warped, dtype=np.uint8)
     moved = _imperfect((image, np.asarray(pictures[1])), transform, rng)
-    window = np.dstack([_recoloured(image, rng), moved])
+    window = np.dstack([_recoloured(image, rng), moved, _lean_channels(lean, transform, rng)])
     return window, targets_for(moved_labels(labels, transform))
 
 
-def make_batch(pictures: list[NDArray[np.uint8]], labels: list[FloatImage], rng: Rng) -> Batch:
+def make_batch(
+    pictures: list[NDArray[np.uint8]], labels: list[FloatImage], leans: list[FloatImage | None], rng: Rng
+) -> Batch:
     """A batch from as many samples."""
-    made = [make_window(picture, label, rng) for picture, label in zip(pictures, labels, strict=True)]
+    made = [
+        make_window(picture, label, rng, lean=lean)
+        for picture, label, lean in zip(pictures, labels, leans, strict=True)
+    ]
     return Batch(inputs=np.stack([window for window, _ in made]), targets=np.stack([target for _, target in made]))

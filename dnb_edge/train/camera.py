@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 
 LEAST_DEPTH_M = 0.05
 _GRID_STEP_PX = 8
+_SMALL_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,6 +104,18 @@ class View:
     def px_per_m(self, point_m: FloatArray) -> float:
         """Scale at a world point (3,), px a metre, across the line of sight, the lens left aside."""
         return float(self.focal_px / np.linalg.norm(point_m - self.eye_m))
+
+    def lean(self, camera_px: FloatArray) -> FloatArray:
+        """Lean (n, 2) at camera px (n, 2): see `dnb_edge.detect.lean`."""
+        floor = np.column_stack([self.floor_points(camera_px), np.zeros(len(camera_px))])
+        away = floor[:, :2] - self.eye_m[:2]
+        away /= np.linalg.norm(away, axis=1, keepdims=True) + 1e-9
+        across = np.column_stack([-away[:, 1], away[:, 0], np.zeros(len(away))])
+        across[(away == 0).all(axis=1)] = (1.0, 0.0, 0.0)
+        here = self.project(floor)
+        up = self.project(floor + np.array([0.0, 0.0, _SMALL_M])) - here
+        aside = np.linalg.norm(self.project(floor + across * _SMALL_M) - here, axis=1, keepdims=True)
+        return np.asarray(up / np.maximum(aside, 1e-9), dtype=np.float64)
 
     def cropped(self, *, centre_px: tuple[float, float], scale: float, size_px: tuple[int, int]) -> Self:
         """The part round `centre_px` of this picture, `scale` times as large, as a picture of `size_px` (width, height)."""

@@ -58,7 +58,7 @@ def model_card(
         "bytes": path.stat().st_size,
         "licence": "GPL-3.0-or-later",
         "task": "ground-contact points of miniature cars in pictures of a fixed camera",
-        "input": "pixels (n, h, w, 4) uint8: blue, green, red, difference from the background; h, w multiples of 16",
+        "input": "pixels (n, h, w, 6) uint8: blue, green, red, difference from the background, lean (2); h, w multiples of 16",
         "outputs": "maps (n, 9, h / 4, w / 4): heat, offset (2), size, heading (4), spread; see dnb_edge/train/network.py",
         "quantisation": "static int8, QDQ, U8S8, per channel, MinMax on synthetic windows",
         "car_length_px": [12, 80],

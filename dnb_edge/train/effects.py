@@ -23,11 +23,22 @@ def uneven_light(size_px: int, rng: Rng) -> Picture:
     return np.asarray(gain[:, :, None], dtype=np.float32)
 
 
+def _streak(length_px: float, angle_rad: float) -> NDArray[np.float32]:
+    """The kernel of a straight, even movement."""
+    side = 2 * int(length_px / 2 + 1) + 1
+    kernel = np.zeros((4 * side, 4 * side), dtype=np.float32)
+    middle, du, dv = (4 * side - 1) / 2.0, 2 * length_px * np.cos(angle_rad), 2 * length_px * np.sin(angle_rad)
+    start, end = (round(middle - du), round(middle - dv)), (round(middle + du), round(middle + dv))
+    cv2.line(kernel, start, end, (1.0,), 4)
+    small = cv2.resize(kernel, (side, side), interpolation=cv2.INTER_AREA)
+    return np.asarray(small / small.sum(), dtype=np.float32)
+
+
 class Camera:
     """One camera with settings drawn once, so that two pictures of the same scene are alike."""
 
-    def __init__(self, rng: Rng, *, blur_px: float = 0.0) -> None:
-        """`blur_px`: blur, in px of the picture, of a camera whose own pixels are larger."""
+    def __init__(self, rng: Rng, *, blur_px: float = 0.0, shaken: bool = False) -> None:
+        """`blur_px`: blur, in px of the picture, of a camera whose own pixels are larger; `shaken`: it moved while exposing."""
         exposure = float(np.exp(rng.normal(0.0, 0.25)))
         if rng.random() < 0.12:  # over- or under-exposed
             exposure = float(rng.uniform(1.5, 2.4)) if rng.random() < 0.5 else float(rng.uniform(0.25, 0.5))
@@ -38,6 +49,7 @@ class Camera:
         self._blur = float(np.hypot(focus, blur_px))
         self._sharpen = float(rng.uniform(0.3, 1.2)) if rng.random() < 0.3 else 0.0
         self._noise = float(rng.uniform(0.5, 3.0)) if rng.random() < 0.75 else float(rng.uniform(3.0, 9.0))
+        self._shake = _streak(float(rng.uniform(2.0, 14.0)), float(rng.uniform(0, np.pi))) if shaken else None
         self._quality = int(rng.integers(35, 96))
 
     def develop(self, picture: Picture, rng: Rng, *, noise: float = 1.0) -> BgrImage:
@@ -46,6 +58,8 @@ class Camera:
         out = np.clip(picture * self._gain.astype(np.float32), 0.0, 255.0)
         curve = (levels**self._gamma * (255.0 - self._lift) + self._lift).astype(np.float32)
         out = curve[(out * np.float32(1023.0 / 255.0)).astype(np.int32)]
+        if self._shake is not None:
+            out = np.asarray(cv2.filter2D(out, -1, self._shake, borderType=cv2.BORDER_REPLICATE), dtype=np.float32)
         if self._blur > 0.2:
             out = np.asarray(cv2.GaussianBlur(out, (0, 0), self._blur), dtype=np.float32)
         if self._sharpen > 0.0:

@@ -14,7 +14,7 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
-from dnb_edge.train.network import OUTPUT_CHANNELS
+from dnb_edge.train.network import INPUT_CHANNELS, OUTPUT_CHANNELS
 
 Values = dict[str, NDArray[np.generic]]
 
@@ -52,7 +52,7 @@ def _prune(graph: onnx.GraphProto) -> None:
 
 
 def take_bytes(model: onnx.ModelProto) -> None:
-    """Make `pixels` uint8 (n, h, w, 4). Raises ValueError where the calibration gave it another scale than 1/255."""
+    """Make `pixels` uint8 (n, h, w, 6). Raises ValueError where the calibration gave it another scale than 1/255."""
     graph, values = model.graph, _values(model.graph)
     node = next(one for one in graph.node if one.op_type == "QuantizeLinear" and one.input[0] == "pixels")
     scale, zero = float(values[node.input[1]].item()), int(values[node.input[2]].item())
@@ -63,7 +63,7 @@ def take_bytes(model: onnx.ModelProto) -> None:
     quantised = node.output[0]
     graph.node.remove(node)
     del graph.input[:]
-    graph.input.append(helper.make_tensor_value_info("pixels", onnx.TensorProto.UINT8, ["n", "h", "w", 4]))
+    graph.input.append(helper.make_tensor_value_info("pixels", onnx.TensorProto.UINT8, ["n", "h", "w", INPUT_CHANNELS]))
     graph.node.insert(0, helper.make_node("Transpose", ["pixels"], [quantised], perm=[0, 3, 1, 2], name="to_nchw"))
     for output in graph.output:
         output.type.tensor_type.shape.dim[0].dim_param = "n"

@@ -7,6 +7,7 @@ the iteration, never on how far their making has come.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -37,11 +38,11 @@ class Schedule:
     warm_up: int = 200
     decay_from: float = 0.5
     """Share of the iterations after which the rate, constant until then, falls in a straight line."""
-    shards: int = 160
+    shards: int = 220
     first_shards: int = 16
     """Shards in use from the start; one more is added every `iterations_per_shard`."""
-    iterations_per_shard: int = 14
-    bare_photos: float = 0.08
+    iterations_per_shard: int = 40
+    bare_photos: float = 0.12
     """Share of windows cut from photographs in which there is no car."""
     ema: float = 0.999
 
@@ -53,32 +54,43 @@ class ShardReader:
         self._folder = folder
         self._jobs = jobs
         self._photos = photos
-        self._open: dict[int, tuple[NDArray[np.uint8], NDArray[np.float32]]] = {}
+        self._open: dict[int, tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]] = {}
 
-    def _shard(self, number: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _shard(self, number: int) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
         if number not in self._open:
-            pictures, labels = shard_paths(self._folder, number)
+            pictures, labels, leans = shard_paths(self._folder, number)
             if number < len(self._jobs):
                 self._jobs[number].result()  # waits for its maker, and raises what the maker raised
             if not pictures.exists():
                 raise WorkError(f"{pictures}: no such shard; the making of samples was cut short")
-            self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels))
+            self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels), np.load(leans))
         return self._open[number]
 
     def batch(self, allowed: range, size: int, rng: np.random.Generator, *, bare_photos: float = 0.0) -> Batch:
         """A batch of windows from random samples of the `allowed` shards, a share of them of bare photographs."""
-        pictures, labels = [], []
+        pictures: list[NDArray[np.uint8]] = []
+        labels: list[NDArray[np.float32]] = []
+        leans: list[NDArray[np.float32] | None] = []
         for _ in range(size):
             if self._photos and rng.random() < bare_photos:
                 picture = to_picture(photo_crop(self._photos, SCENE_PX, rng))
                 pictures.append(np.stack([picture, picture]))
                 labels.append(np.zeros((1, LABEL_FIELDS), dtype=np.float32))
+                leans.append(_any_lean(rng))
                 continue
             shard = self._shard(int(rng.integers(allowed.start, allowed.stop)))
             row = int(rng.integers(len(shard[1])))
             pictures.append(np.asarray(shard[0][row]))
             labels.append(shard[1][row])
-        return make_batch(pictures, labels, rng)
+            leans.append(shard[2][row])
+        return make_batch(pictures, labels, leans, rng)
+
+
+def _any_lean(rng: np.random.Generator) -> NDArray[np.float32]:
+    """A lean (2, 3) that a camera might have over a bare photograph: mostly up, of any length."""
+    away = math.pi / 2 + float(rng.normal(0, 0.7))
+    length = float(rng.uniform(0.0, 0.9))
+    return np.array([[0, 0, math.cos(away) * length], [0, 0, -math.sin(away) * length]], dtype=np.float32)
 
 
 def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
@@ -95,17 +107,18 @@ def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
     squared = ((offset - targets[:, 2:4]) ** 2).sum(dim=1, keepdim=True).detach()
     log_sigma = spread.clamp(-4.0, 2.0)
     turned = (heading - targets[:, 5:9]) ** 2
+    sense_share = targets[:, 10:11] / targets[:, 10:11].sum().clamp(min=1.0)
     return {
         "heat": -(hit.sum() + miss.sum()) / count,
         "offset": (error * share).sum(),
         "size": ((size - targets[:, 4:5]).abs() * share).sum(),
         "axis": (turned[:, :2].sum(dim=1, keepdim=True) * share).sum(),
-        "nose": (turned[:, 2:].sum(dim=1, keepdim=True) * share).sum(),
+        "nose": (turned[:, 2:].sum(dim=1, keepdim=True) * sense_share).sum(),
         "spread": ((squared * torch.exp(-2 * log_sigma) / 2 + 2 * log_sigma) * share).sum(),
     }
 
 
-_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.3, "spread": 0.05}
+_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.5, "spread": 0.05}
 
 
 def _rate(schedule: Schedule, step: int) -> float:

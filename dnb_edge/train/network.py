@@ -1,7 +1,7 @@
 """The network: a small U-Net of plain convolutions and ReLU with five heads at a quarter of the input's resolution.
 
-Knows its layers only. Input (n, 4, h, w) float32 in 0..1: blue, green, red, and the largest absolute difference from the
-background over the three; h and w multiples of 16. Outputs, each (n, c, h / 4, w / 4):
+Knows its layers only. Input (n, 6, h, w) float32 in 0..1: blue, green, red, the largest absolute difference from the
+background over the three, and the lean (u, v) as `dnb_edge.detect.lean` codes it; h and w multiples of 16. Outputs, each (n, c, h / 4, w / 4):
 
 - `heat` (1): logit that a car's ground point lies in the cell;
 - `offset` (2): from the cell's centre to the ground point, (u, v), in cells;
@@ -18,6 +18,7 @@ import torch
 from torch import Tensor, nn
 
 OUTPUT_CHANNELS = {"heat": 1, "offset": 2, "size": 1, "heading": 4, "spread": 1}
+INPUT_CHANNELS = 6
 STRIDE = 4
 
 
@@ -34,7 +35,7 @@ class CentreNet(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.stem = nn.Sequential(_block(4, 16, stride=2), _block(16, 32, stride=2), _block(32, 32))
+        self.stem = nn.Sequential(_block(INPUT_CHANNELS, 16, stride=2), _block(16, 32, stride=2), _block(32, 32))
         self.down8 = nn.Sequential(_block(32, 64, stride=2), _block(64, 64))
         self.down16 = nn.Sequential(_block(64, 96, stride=2), _block(96, 96), _block(96, 96), _block(96, 64, kernel=1))
         self.up8 = _block(64, 64)
@@ -63,7 +64,7 @@ def parameter_count(network: nn.Module) -> int:
 
 
 def to_input(pictures: Tensor) -> Tensor:
-    """(n, h, w, 4) uint8 to the network's (n, 4, h, w) float32 in 0..1."""
+    """(n, h, w, 6) uint8 to the network's (n, 6, h, w) float32 in 0..1."""
     return pictures.permute(0, 3, 1, 2).to(torch.float32).div_(255.0)
 
 

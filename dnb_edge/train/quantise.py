@@ -18,7 +18,7 @@ from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, Q
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from dnb_edge.train.graph import join_heads, take_bytes
-from dnb_edge.train.network import OUTPUT_CHANNELS, CentreNet
+from dnb_edge.train.network import INPUT_CHANNELS, OUTPUT_CHANNELS, CentreNet
 
 OPSET = 17
 
@@ -33,13 +33,13 @@ class _Batches(CalibrationDataReader):
 
 
 def export_float(network: CentreNet, path: Path) -> None:
-    """Write the network in float32: input `pixels` (1, 4, h, w), outputs as in OUTPUT_CHANNELS."""
+    """Write the network in float32: input `pixels` (1, 6, h, w), outputs as in OUTPUT_CHANNELS."""
     dynamic = {name: {2: f"{name}_h", 3: f"{name}_w"} for name in ("pixels", *OUTPUT_CHANNELS)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the tracing exporter calls itself old; it is what quantisation handles best
         torch.onnx.export(
             network.eval().to(memory_format=torch.contiguous_format),
-            (torch.zeros(1, 4, 128, 128),),
+            (torch.zeros(1, INPUT_CHANNELS, 128, 128),),
             str(path),
             input_names=["pixels"],
             output_names=list(OUTPUT_CHANNELS),
@@ -50,9 +50,9 @@ def export_float(network: CentreNet, path: Path) -> None:
 
 
 def quantise(network: CentreNet, path: Path, calibration: Sequence[NDArray[np.float32]]) -> None:
-    """Write the network in int8 to `path`: input `pixels` uint8 (n, h, w, 4), output `maps` float32 (n, 9, h / 4, w / 4).
+    """Write the network in int8 to `path`: input `pixels` uint8 (n, h, w, 6), output `maps` float32 (n, 9, h / 4, w / 4).
 
-    `calibration` holds inputs (n, 4, h, w) float32 in 0..1 of n = 1 each.
+    `calibration` holds inputs (n, 6, h, w) float32 in 0..1 of n = 1 each.
     """
     first = calibration[0].copy()
     first[:, :, 0, :2] = (0.0, 1.0)  # so that the input's scale is 1/255 whatever the pictures

@@ -60,6 +60,8 @@ class Sample:
     """The same view without what moved, as a background model would hold it; sometimes with a ghost of a car."""
     labels: NDArray[np.float32]
     """Shape (n, 6): see LABEL_FIELDS."""
+    lean: NDArray[np.float32]
+    """Shape (2, 3): the lean at px (u, v) is lean @ (u, v, 1), very nearly; see `dnb_edge.detect.lean`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -214,7 +216,7 @@ def place_car(
         body=body.moved(yaw_rad, ground),
         ground_m=ground,
         yaw_rad=yaw_rad,
-        travel_m=length_m * float(np.exp(rng.uniform(math.log(0.05), math.log(0.8)))) if driving else 0.0,
+        travel_m=length_m * float(np.exp(rng.uniform(math.log(0.05), math.log(1.6)))) if driving else 0.0,
         exposure=float(rng.uniform(0.1, 1.0)),
     )
 
@@ -244,6 +246,15 @@ def _cars(stage: Stage, length_m: float, assets: Assets, rng: Rng) -> tuple[list
     return cars, ghosts
 
 
+def lean_plane(view: View) -> NDArray[np.float32]:
+    """The lean over the picture as the plane (2, 3) that fits it best."""
+    at = np.linspace(0.0, SCENE_PX - 1.0, 4)
+    u, v = np.meshgrid(at, at)
+    points = np.column_stack([u.ravel(), v.ravel()])
+    plane, *_ = np.linalg.lstsq(np.column_stack([points, np.ones(len(points))]), view.lean(points), rcond=None)
+    return np.asarray(plane.T, dtype=np.float32)
+
+
 def make_sample(rng: Rng, assets: Assets = NO_ASSETS) -> Sample:
     """Compose and photograph one scene."""
     car_length = float(np.exp(rng.uniform(math.log(0.09), math.log(0.55))))
@@ -271,9 +282,10 @@ def make_sample(rng: Rng, assets: Assets = NO_ASSETS) -> Sample:
     if cars:
         labels = np.stack([label_of(car, view) for car in cars])
         labels[:, 5] = np.array(visible) > 0.5
-    camera = Camera(rng, blur_px=stage.blur_px)
+    camera = Camera(rng, blur_px=stage.blur_px, shaken=rng.random() < 0.08)
     return Sample(
         image=camera.develop(image, rng),
         background=camera.develop(behind, rng, noise=float(rng.uniform(0.05, 0.5))),
         labels=labels,
+        lean=lean_plane(view),
     )

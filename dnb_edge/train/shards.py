@@ -27,9 +27,11 @@ _PHOTO_SIDE_PX = 900
 _WITH_VEHICLES = ("car-detection", "bicycle", "vehicle", "traffic")
 
 
-def shard_paths(folder: Path, number: int) -> tuple[Path, Path]:
-    """Files of a shard: pictures (n, 2, 192, 192, 3) uint8, image then background; labels (n, MAX_CARS, 6) float32."""
-    return folder / f"shard-{number:05d}-pictures.npy", folder / f"shard-{number:05d}-labels.npy"
+def shard_paths(folder: Path, number: int) -> tuple[Path, Path, Path]:
+    """Files of a shard: pictures (n, 2, 192, 192, 3) uint8, image then background; labels (n, MAX_CARS, 6) and leans (n, 2, 3)
+    float32."""
+    pictures, labels, leans = (folder / f"shard-{number:05d}-{part}.npy" for part in ("pictures", "labels", "leans"))
+    return pictures, labels, leans
 
 
 def asset_photos(assets: Path | None) -> tuple[list[Path], list[Path]]:
@@ -106,12 +108,14 @@ def write_shard(folder: Path, number: int, seed: int, assets: Assets, *, samples
     """Make and write one shard; the pictures' file appears last and only when whole."""
     pictures = np.empty((samples, 2, SCENE_PX, SCENE_PX, 3), dtype=np.uint8)
     labels = np.zeros((samples, MAX_CARS, LABEL_FIELDS), dtype=np.float32)
+    leans = np.zeros((samples, 2, 3), dtype=np.float32)
     for row in range(samples):
         sample = make_sample(np.random.default_rng([seed, number * SHARD_SAMPLES + row]), assets)
         pictures[row, 0], pictures[row, 1] = sample.image, sample.background
-        labels[row] = padded(sample.labels)
-    pictures_path, labels_path = shard_paths(folder, number)
+        labels[row], leans[row] = padded(sample.labels), sample.lean
+    pictures_path, labels_path, leans_path = shard_paths(folder, number)
     np.save(labels_path, labels)
+    np.save(leans_path, leans)
     part = pictures_path.with_suffix(".part.npy")
     np.save(part, pictures)
     part.rename(pictures_path)

@@ -32,7 +32,7 @@ class Stage:
 def random_camera(rng: Rng) -> View:
     """A whole camera at 1280x720: low over a table now and then, upright in most cases."""
     height_m = float(rng.uniform(1.5, 4.0)) if rng.random() < 0.85 else float(rng.uniform(0.7, 1.5))
-    pitch = math.radians(float(rng.uniform(30.0, 90.0)) if rng.random() < 0.92 else float(rng.uniform(22.0, 32.0)))
+    pitch = math.radians(float(rng.uniform(30.0, 90.0)) if rng.random() < 0.9 else float(rng.uniform(15.0, 32.0)))
     field = math.radians(float(rng.uniform(45.0, 100.0)))
     wide = max(0.0, (field - 0.9) / 0.8)
     radial = (

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dnb_edge.train.batches import CELL_PX, GRID, WINDOW_PX, make_window, moved_labels, targets_for
+from dnb_edge.detect.lean import lean_bytes
 from dnb_edge.train.scene import SCENE_PX
 
 
@@ -72,3 +73,25 @@ def test_the_heading_is_told_as_axis_and_as_sense(heading):
     told = targets[5:9, row, column]
     wanted = (math.cos(2 * heading), math.sin(2 * heading), math.cos(heading), math.sin(heading))
     assert tuple(told) == pytest.approx(wanted, abs=1e-5)
+
+
+def test_the_lean_turns_with_the_window():
+    """What leans to the left in the sample leans to the right in a mirrored window, and up stays up; else it is not known."""
+    pictures = np.zeros((2, SCENE_PX, SCENE_PX, 3), dtype=np.uint8)
+    pictures[0, :, : SCENE_PX // 2] = 200  # bright on the left tells a mirrored window
+    labels = np.zeros((1, 6), np.float32)
+    lean = np.array([[0.0, 0.0, -0.6], [0.0, 0.0, -0.5]], dtype=np.float32)
+    unknown = 0
+    for seed in range(80):
+        window, _ = make_window(pictures, labels, np.random.default_rng(seed), lean=lean)
+        told = window[64, 64, 4:6].astype(int)
+        if not told.any():
+            unknown += 1
+            continue
+        bright = window[:, :, :3].max(axis=2).astype(float).mean(axis=0)
+        if bright[:20].mean() == pytest.approx(bright[-20:].mean(), abs=5):
+            continue
+        mirrored = bright[:20].mean() < bright[-20:].mean()
+        wanted = lean_bytes(np.array([0.6 if mirrored else -0.6, -0.5])).astype(int)
+        assert np.abs(told - wanted).max() < 45  # windows are turned a little, and the lean is told a little wrong
+    assert 10 < unknown < 50
