@@ -46,6 +46,7 @@ from dnb_edge.values import Clock, SourceInfo
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.homography import CalibrationError, calibration_error, fit_ground_map
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
+from dnb_edge.view.pose import with_camera
 
 T = TypeVar("T")
 
@@ -64,6 +65,9 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
     pairs = load_pairs(config.view)
     width_px, height_px = config.view.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
     ground = fit_ground_map(pairs, track.scale, width_px=width_px, height_px=height_px)
+    if config.detector.kind == "markers":
+        roof_m = config.detector.markers.marker_height_m
+        ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=roof_m)
     error = calibration_error(pairs, metres_per_px=track.scale.metres_per_px)
     limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
     setup = CoreSetup(
@@ -127,7 +131,11 @@ def load_pairs(config: ViewConfig) -> KeypointPairs:
 
 def make_detector(config: Config) -> Detector:
     """The detector that the configuration names, ready to look. Raises `InputError` for a model that cannot be used."""
-    wanted = config.detector
+    return detector_of(config.detector)
+
+
+def detector_of(wanted: DetectorConfig) -> Detector:
+    """As `make_detector`, from the detector's section alone."""
     if wanted.kind == "markers":
         return _marker_detector(wanted)
     if wanted.markers != MarkersConfig():

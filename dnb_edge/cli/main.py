@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import bench, calibrate, config, demo, results, run, runs, teach, track
+from dnb_edge.cli import bench, calibrate, config, demo, model, results, run, runs, teach, track
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
@@ -33,6 +33,7 @@ app.add_typer(track.app, name="track")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(runs.app, name="runs")
 app.add_typer(config.app, name="config")
+app.add_typer(model.app, name="model")
 
 
 def _version(wanted: bool) -> None:
