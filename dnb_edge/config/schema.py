@@ -124,6 +124,9 @@ class ViewConfig(_Section):
     """YAML file with both, instead of the two NumPy files."""
     image_size_px: tuple[Whole, Whole] | None = None
     """Width and height of the picture on which the camera's points were clicked, where frames are of another size."""
+    camera_height_m: Positive | None = None
+    """Measured height of the lens above the floor, metres. Only markers on roofs want it, and only where the camera looks
+    so steeply down (over 80 degrees) that the keypoints do not tell it."""
     max_mean_error_px: Positive | None = None
     """Mean calibration error above which laps are not scored, twin px; give this or max_mean_error_m."""
     max_mean_error_m: Positive | None = None
