@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 from dnb_edge.detect.acquire import Candidate, apart, close_looks, moved_blobs
 from dnb_edge.detect.background import Background, BackgroundSettings, Disc
+from dnb_edge.detect.lean import LeanField, LeanMap
 from dnb_edge.detect.looks import Look, halved, halvings, tile_looks, whole_look, window_look
 from dnb_edge.detect.onnx import CentreNetwork
 from dnb_edge.detect.sight import Sight, merged
@@ -59,7 +60,16 @@ class CentreDetectorSettings:
 class CentreDetector:
     """Finds cars with a centre network. Implements `detect.protocol.Detector`."""
 
-    def __init__(self, network: CentreNetwork, settings: CentreDetectorSettings | None = None) -> None:
+    def __init__(
+        self,
+        network: CentreNetwork,
+        settings: CentreDetectorSettings | None = None,
+        *,
+        lean: LeanField | None = None,
+    ) -> None:
+        """`lean` tells how things lean in the frame, where the camera is calibrated."""
+        self._lean_field = lean
+        self._lean: LeanMap | None = None
         self._network = network
         self._settings = settings or CentreDetectorSettings()
         self._size = (0, 0)
@@ -73,7 +83,7 @@ class CentreDetector:
         if image.ndim != 3 or image.shape[2] != 3:
             raise ValueError(f"frame {sequence}: a picture of shape {image.shape}: needs (height, width, 3)")
         background = self._prepared(image)
-        sight = Sight(self._network, image, background, most=self._settings.most_detections)
+        sight = Sight(self._network, image, background, most=self._settings.most_detections, lean=self._lean)
         found = self._followed(sight, windows) if windows else []
         full_frame = any(not _near(window, found) for window in windows) or not windows
         if full_frame:
@@ -92,6 +102,7 @@ class CentreDetector:
             times = halvings(width, self._settings.background_width_px)
             self._background = Background(halved(image, times), scale=0.5**times, settings=self._settings.background)
             self._size, self._found, self._places, self._turn = (width, height), (), (), 0
+            self._lean = None if self._lean_field is None else LeanMap(self._lean_field, width, height)
         return self._background
 
     @property

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from dnb_edge.detect.background import MOVED_LEVEL, Background
 from dnb_edge.detect.decode import Peak, peaks
+from dnb_edge.detect.lean import LeanMap
 from dnb_edge.detect.looks import Look, look_pixels, whole_pixels
 from dnb_edge.detect.onnx import CentreNetwork
 from dnb_edge.values import BgrImage, Detection
 
+SMALL_PX = 192
+"""A look up to so wide is a window, and is told one lean for all of it."""
 MOVING_SHARE = 0.25
 """Share of the car's inner pixels that must differ from the background in a car that counts as moving."""
 MOST_MOVED = 0.6
@@ -27,7 +30,16 @@ MOST_MOVED = 0.6
 class Sight:
     """Looks at parts of one frame with one network, against one background."""
 
-    def __init__(self, network: CentreNetwork, image: BgrImage, background: Background, *, most: int) -> None:
+    def __init__(
+        self,
+        network: CentreNetwork,
+        image: BgrImage,
+        background: Background,
+        *,
+        most: int,
+        lean: LeanMap | None = None,
+    ) -> None:
+        self._lean = lean if network.takes_lean else None
         self._network = network
         self._image = image
         self._background = background
@@ -51,7 +63,11 @@ class Sight:
         return self._seen([whole_pixels(reduced, known, look)], [look], least_confidence)[0]
 
     def _seen(self, pixels: list[NDArray[np.uint8]], looks: Sequence[Look], least: float) -> list[list[Detection]]:
-        answers = self._network.many(pixels[0][None] if len(pixels) == 1 else np.stack(pixels))
+        lean = self._lean
+        leans = (
+            None if lean is None else [_lean_of(look, lean, like=one) for look, one in zip(looks, pixels, strict=True)]
+        )
+        answers = self._network.many(_stacked(pixels), leans=None if leans is None else _stacked(leans))
         found = [peaks(maps, least_confidence=least, most=self._most) for maps in answers]
         return [
             [
@@ -61,6 +77,20 @@ class Sight:
             ]
             for some, seen, look in zip(found, pixels, looks, strict=True)
         ]
+
+
+def _stacked(parts: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """(n, h, w, c) of n (h, w, c), without a copy where there is one."""
+    return parts[0][None] if len(parts) == 1 else np.stack(parts)
+
+
+def _lean_of(look: Look, lean: LeanMap, *, like: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The lean's bytes for a look, of the size of its padded pixels."""
+    planes = lean.at_middle(look) if look.out_width_px <= SMALL_PX else lean.over(look)
+    below, right = like.shape[0] - planes.shape[0], like.shape[1] - planes.shape[1]
+    if not below and not right:
+        return planes
+    return np.asarray(cv2.copyMakeBorder(planes, 0, below, 0, right, cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _detection(peak: Peak, pixels: NDArray[np.uint8], look: Look) -> Detection:
