@@ -24,6 +24,7 @@ from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
 from dnb_edge.core import CoreSetup
 from dnb_edge.detect.centre import CentreDetector
+from dnb_edge.detect.lean import LeanField
 from dnb_edge.detect.markers import MarkerDetector, MarkerSettings
 from dnb_edge.detect.onnx import OpenModel, default_model_path, load_model, open_model
 from dnb_edge.detect.protocol import Detector
@@ -44,8 +45,10 @@ from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import LaneColour, load_twin
 from dnb_edge.values import Clock, SourceInfo
 from dnb_edge.view.gate import ErrorLimit, check
+from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.homography import CalibrationError, calibration_error, fit_ground_map
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
+from dnb_edge.view.lean import floor_lean
 from dnb_edge.view.pose import with_camera
 
 T = TypeVar("T")
@@ -129,12 +132,16 @@ def load_pairs(config: ViewConfig) -> KeypointPairs:
     return load_npy_pairs(camera, twin)
 
 
-def make_detector(config: Config) -> Detector:
-    """The detector that the configuration names, ready to look. Raises `InputError` for a model that cannot be used."""
-    return detector_of(config.detector)
+def make_detector(config: Config, ground: GroundMap | None = None) -> Detector:
+    """The detector that the configuration names, ready to look. Raises `InputError` for a model that cannot be used.
+
+    `ground` is the map of the frames to come, where there is one: it tells the network how things lean in them.
+    """
+    lean = None if ground is None else floor_lean(ground, height_m=config.view.camera_height_m)
+    return detector_of(config.detector, lean)
 
 
-def detector_of(wanted: DetectorConfig) -> Detector:
+def detector_of(wanted: DetectorConfig, lean: LeanField | None = None) -> Detector:
     """As `make_detector`, from the detector's section alone."""
     if wanted.kind == "markers":
         return _marker_detector(wanted)
@@ -147,7 +154,7 @@ def detector_of(wanted: DetectorConfig) -> Detector:
         return UltralyticsDetector(opened, _box_settings(wanted))
     _without_box_settings(wanted)
     path = wanted.model if wanted.model is not None else default_model_path()
-    return CentreDetector(load_model(path, threads=wanted.threads))
+    return CentreDetector(load_model(path, threads=wanted.threads), lean=lean)
 
 
 _BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "sigma_ratio")

@@ -106,8 +106,8 @@ def _pipeline(config: Config, frames: list[Frame], console: Console) -> dict[str
     after every `BLOCK` frames, so that the machine's moods hit all alike and yet none finds the others' data in the caches.
     """
     info = SimulatedSource("sim:", SimulatorOptions()).info
-    detector, asides = make_detector(config), _asides(config)
-    core = Core(assemble(config, info).setup)
+    setup = assemble(config, info).setup
+    detector, asides, core = make_detector(config, setup.ground), _asides(config), Core(setup)
     times: dict[str, list[float]] = {}
     following = 0
     block: list[tuple[BgrImage, int, tuple[SearchWindow, ...]]] = []

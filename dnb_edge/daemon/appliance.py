@@ -59,7 +59,7 @@ def run_appliance(
         source = make_source(options.source_uri, config)
         stack.callback(source.close)
         assembly = assemble(config, source.info)
-        detector = make_detector(config)
+        detector = make_detector(config, assembly.setup.ground)
         shown = [*displays]
         if options.display_uri is not None:
             display = open_display(options.display_uri)

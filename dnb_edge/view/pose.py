@@ -25,6 +25,9 @@ STEEPEST_DEG = 80.0
 _FIELD_OF_VIEW_DEG = (15.0, 160.0)
 """Horizontal angles that lenses have; a map that asks for another comes of poor keypoints."""
 
+_USUAL_FIELD_DEG = 65.0
+"""Horizontal angle of the lenses that most webcams and the Pi's cameras have."""
+
 _UNEVEN_SIGMA = 0.002
 """By how much clicked keypoints make the floor's two axes differ in length, one standard deviation."""
 
@@ -68,6 +71,19 @@ def find_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPose
     if not pose.position_m[2] > 0:
         raise InputError("view: the keypoints show the floor from below: the twin or the picture is mirrored")
     return pose
+
+
+def likely_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPose | None:
+    """`find_pose`, or where that cannot tell, the pose of a lens as most webcams have it; None where that fits no floor either.
+
+    Good enough for what hardly depends on the lens, such as which way things lean; not for placing what is above the floor.
+    """
+    try:
+        return find_pose(ground, height_m=height_m)
+    except InputError:
+        focal_px = 0.5 * ground.width_px / math.tan(math.radians(0.5 * _USUAL_FIELD_DEG))
+        pose = _pose(_floor_to_centred_px(ground), focal_px)
+        return pose if pose.position_m[2] > 0 else None
 
 
 def with_camera(ground: GroundMap, *, height_m: float | None = None, tallest_m: float = 0.0) -> GroundMap:
