@@ -83,7 +83,7 @@ def teach(
         typer.Option(help="Numbers or letters of the contact sheet to reject, such as 3,17 or B; accept the rest."),
     ] = None,
     minutes: Annotated[float, typer.Option(min=0.1, max=600, help="Longest time to learn.")] = 14.0,
-    iterations: Annotated[int, typer.Option(min=1, help="Learning ends after so many steps at the latest.")] = 2500,
+    iterations: Annotated[int, typer.Option(min=1, help="Learning ends after so many steps at the latest.")] = 6000,
     seed: Annotated[int, typer.Option(min=0, help="Of everything that is drawn by lot.")] = 1,
     force: Annotated[bool, typer.Option("--force", help="Write the new model even where it is worse.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Before and after as JSON on stdout.")] = False,

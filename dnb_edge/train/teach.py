@@ -54,7 +54,7 @@ class TeachSettings:
     """How to teach."""
 
     minutes: float = 14.0
-    iterations: int = 2500
+    iterations: int = 6000
     seed: int = 1
     drawn: int = _DRAWN
     """Drawn scenes that are mixed in against forgetting."""

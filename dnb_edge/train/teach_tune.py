@@ -23,9 +23,9 @@ from dnb_edge.detect.decode import peaks
 from dnb_edge.detect.looks import Look, look_pixels, whole_look
 from dnb_edge.detect.onnx import CentreMaps
 from dnb_edge.train.learn import losses
-from dnb_edge.train.network import CentreNet, to_input
+from dnb_edge.train.network import INPUT_CHANNELS, CentreNet, to_input
 from dnb_edge.train.teach_labels import LabelledPicture, evenly
-from dnb_edge.train.teach_windows import HardPlace, WindowMaker
+from dnb_edge.train.teach_windows import HardPlace, WindowMaker, with_unknown_lean
 
 _WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "spread": 0.05}
 _HEADING_WEIGHT = 0.15
@@ -40,7 +40,7 @@ class TuneSettings:
     """How long and how fast to learn."""
 
     minutes: float = 14.0
-    iterations: int = 2500
+    iterations: int = 6000
     """It ends after as many iterations, or when the minutes are over."""
     batch: int = 24
     rate: float = 1e-3
@@ -80,6 +80,7 @@ def mined(network: CentreNet, pictures: Sequence[LabelledPicture]) -> list[HardP
         found: list[tuple[float, HardPlace]] = []
         for look in _looks(picture):
             pixels = look_pixels(picture.bgr, picture.bgr, look, 1.0)
+            pixels = pixels if pixels.shape[2] == INPUT_CHANNELS else with_unknown_lean(pixels)
             for peak in peaks(ask(pixels), least_confidence=_MINED_CONFIDENCE, most=12):
                 at = look.to_frame(peak.u_px, peak.v_px)
                 if _is_away(picture, at, peak.length_px / look.scale):

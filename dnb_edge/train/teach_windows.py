@@ -1,7 +1,7 @@
 """From the user's labelled pictures to training windows, mixed with drawn scenes: a thin adapter over `batches`.
 
-Knows how a part of a picture becomes a sample as `scene.make_sample` gives one, so that `batches.make_window` varies both
-alike (scale, mirror, turn, light, imperfect or missing difference). Nothing of torch.
+Knows how a part of a picture becomes an input with targets like those of `batches`, which makes the drawn ones. Nothing of
+torch.
 """
 
 from __future__ import annotations
@@ -15,18 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.detect.centre import CentreDetectorSettings
-from dnb_edge.train.batches import Batch, make_window
+from dnb_edge.detect.lean import UNKNOWN
+from dnb_edge.train.batches import WINDOW_PX, Batch, difference, make_window, moved_labels, targets_for
 from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX, Sample, make_sample
-from dnb_edge.train.teach_labels import CarLabel, LabelledPicture
+from dnb_edge.train.teach_labels import LabelledPicture
 from dnb_edge.values import BgrImage, PointPx
 
 Rng = np.random.Generator
 
-_LARGEST_CAR_PX = 64.0
-"""A car in a sample is at most so long: the network never sees it much longer."""
 _HARD_SHARE = 0.3
 _ANYWHERE_SHARE = 0.2
-_BLIND_SHARE = 0.33
+_BLIND_SHARE = 0.45
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +36,6 @@ class HardPlace:
     centre_px: PointPx
     scale: float
     """Network px a picture px at which it was taken for one."""
-
-
-def car_scale(car: CarLabel) -> float:
-    """Sample px a picture px for a sample that shows this car: 1, or what makes a large car small enough."""
-    return min(1.0, _LARGEST_CAR_PX / car.length_px)
 
 
 def cut_sample(
@@ -84,16 +78,49 @@ def _square(picture: BgrImage, left: int, top: int, side: int) -> BgrImage:
 def user_window(
     picture: LabelledPicture, centre_px: PointPx, scale: float, rng: Rng
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One input and its targets, as `batches.make_window`, from a part of a user's picture.
+    """One input and its targets, as `batches.make_window` gives them, that shows the place `centre_px` at about `scale`.
 
-    A still has no background: its difference is always zero, as the detector's is for the first picture that it sees. That of
-    a drive is zero in a third of the windows, beside those that `make_window` leaves without one.
+    A user's camera and car are what they are, so the place, scale, turn and light vary less than those of drawn scenes. A still
+    has no background: its difference is always zero, as the detector's is before it has one; a drive's is zero now and then.
     """
     pictures, labels = cut_sample(picture, centre_px, scale)
-    window, targets = make_window(pictures, labels, rng)
-    if picture.background is None or rng.random() < _BLIND_SHARE:
-        window[:, :, 3] = 0
-    return window, targets
+    turn, mirror = float(rng.normal(0, 0.08)), (-1.0 if rng.random() < 0.5 else 1.0)
+    linear = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([mirror, 1.0])
+    linear = linear * math.exp(float(rng.normal(0, 0.06)))
+    middle = np.full(2, (WINDOW_PX - 1) / 2.0) - linear @ np.full(2, (SCENE_PX - 1) / 2.0)
+    transform = np.column_stack([linear, middle])
+    image = _warped(pictures[0], transform)
+    moved = np.zeros(image.shape[:2], dtype=np.uint8)
+    if picture.background is not None and rng.random() > _BLIND_SHARE:
+        if rng.random() < 0.3:  # a bump of the camera
+            transform[:, 2] += rng.normal(0, 1.2, 2)
+        moved = difference(image, _relit(_warped(pictures[1], np.column_stack([linear, transform[:, 2]])), rng, 0.03))
+    window = with_unknown_lean(np.dstack([_relit(image, rng, 0.12), moved]))
+    return window, targets_for(moved_labels(labels, np.column_stack([linear, middle])))
+
+
+def with_unknown_lean(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colour and difference (h, w, 4) with the two channels that tell the lean, which is not known; (h, w, 6)."""
+    return np.dstack([pixels, np.full((*pixels.shape[:2], 2), UNKNOWN, dtype=np.uint8)])
+
+
+def _warped(picture: NDArray[np.uint8], transform: NDArray[np.float64]) -> BgrImage:
+    size = (WINDOW_PX, WINDOW_PX)
+    return np.asarray(
+        cv2.warpAffine(picture, transform, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
+        dtype=np.uint8,
+    )
+
+
+def _relit(picture: BgrImage, rng: Rng, spread: float) -> BgrImage:
+    """Another exposure, gamma and balance of colours, and now and then a little blur."""
+    levels = (np.arange(256, dtype=np.float64) / 255.0)[:, None]
+    gain = np.exp(rng.normal(0, spread) + rng.normal(0, 0.3 * spread, 3))
+    table = np.clip(levels ** math.exp(float(rng.normal(0, 0.7 * spread))) * 255.0 * gain, 0, 255).astype(np.uint8)
+    lit = cv2.LUT(picture, table[None])
+    if rng.random() < 0.2:
+        lit = cv2.GaussianBlur(lit, (0, 0), float(rng.uniform(0.4, 1.0)))
+    return np.asarray(lit, dtype=np.uint8)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -115,7 +142,7 @@ class WindowMaker:
         for _ in range(size - users):
             sample = self.drawn[int(rng.integers(len(self.drawn)))]
             pictures = np.stack([sample.image, sample.background])
-            made.append(make_window(pictures, sample.labels, rng))
+            made.append(make_window(pictures, sample.labels, rng, lean=sample.lean))
         return Batch(inputs=np.stack([window for window, _ in made]), targets=np.stack([target for _, target in made]))
 
     def _user(self, rng: Rng) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -123,19 +150,25 @@ class WindowMaker:
         hard = list(self.hard)
         if hard and kind < _HARD_SHARE:
             place = hard[int(rng.integers(len(hard)))]
-            shift = rng.uniform(-0.3, 0.3, 2) * SCENE_PX / place.scale
-            at = (place.centre_px[0] + float(shift[0]), place.centre_px[1] + float(shift[1]))
-            return user_window(self.pictures[place.picture], at, place.scale, rng)
+            return user_window(
+                self.pictures[place.picture], _beside(place.centre_px, place.scale, rng), place.scale, rng
+            )
         picture = self.pictures[int(rng.integers(len(self.pictures)))]
         cars = [car for car in picture.cars if car.sure]
         if not cars or kind > 1.0 - _ANYWHERE_SHARE:
             return user_window(picture, *_anywhere(picture, rng), rng)
         car = cars[int(rng.integers(len(cars)))]
-        scale = car_scale(car)
-        shift = rng.uniform(-0.35, 0.35, 2) * SCENE_PX / scale
-        return user_window(
-            picture, (car.ground_px[0] + float(shift[0]), car.ground_px[1] + float(shift[1])), scale, rng
-        )
+        wanted_px = CentreDetectorSettings().window_length_px * math.exp(float(rng.normal(0, 0.15)))
+        if rng.random() < 0.5:
+            wanted_px = math.exp(float(rng.uniform(math.log(14.0), math.log(60.0))))
+        scale = wanted_px / car.length_px
+        return user_window(picture, _beside(car.ground_px, scale, rng), scale, rng)
+
+
+def _beside(at: PointPx, scale: float, rng: Rng) -> PointPx:
+    """The centre of a window at `scale` that shows the place `at` somewhere."""
+    u, v = (0.42 * WINDOW_PX / scale * rng.uniform(-1.0, 1.0, 2)).tolist()
+    return at[0] + u, at[1] + v
 
 
 def _anywhere(picture: LabelledPicture, rng: Rng) -> tuple[PointPx, float]:
@@ -143,7 +176,7 @@ def _anywhere(picture: LabelledPicture, rng: Rng) -> tuple[PointPx, float]:
     height, width = picture.bgr.shape[:2]
     settings = CentreDetectorSettings()
     scales = [min(1.0, settings.whole_width_px / width), min(1.0, settings.fine_width_px / width)]
-    scales += [car_scale(car) for car in picture.cars]
+    scales += [settings.window_length_px / car.length_px for car in picture.cars if car.sure]
     scale = float(scales[int(rng.integers(len(scales)))])
     reach = [max(0.0, side - SCENE_PX / scale) / 2 for side in (width, height)]
     u, v = (side / 2 + float(rng.uniform(-half, half)) for side, half in zip((width, height), reach, strict=True))

@@ -38,7 +38,9 @@ def random_model(tmp_path_factory):
     torch.manual_seed(1)
     path = tmp_path_factory.mktemp("model") / "random.onnx"
     made = network.CentreNet().eval()
-    quantise.quantise(made, path, [np.random.default_rng(1).random((1, 4, 64, 64), dtype=np.float32)] * 2)
+    quantise.quantise(
+        made, path, [np.random.default_rng(1).random((1, network.INPUT_CHANNELS, 64, 64), dtype=np.float32)] * 2
+    )
     weights.save_weights(weights.weights_path(path), made)
     card.write_card(path, {"sha256": card.file_sha256(path)})
     return path

@@ -44,7 +44,9 @@ def base(tmp_path_factory):
     network = network_module.CentreNet().eval()
     quantise = importlib.import_module("dnb_edge.train.quantise").quantise
     rng = np.random.default_rng(1)
-    quantise(network, path, [rng.random((1, 4, 64, 64), dtype=np.float32) for _ in range(2)])
+    quantise(
+        network, path, [rng.random((1, network_module.INPUT_CHANNELS, 64, 64), dtype=np.float32) for _ in range(2)]
+    )
     weights.save_weights(weights.weights_path(path), network)
     write_card(path, {"name": "random", "sha256": file_sha256(path), "task": "a test"})
     return path

@@ -36,7 +36,7 @@ def test_the_network_comes_back_as_it_was_to_half_precision(weights, network, tm
     for name, value in network.state_dict().items():
         if value.dtype.is_floating_point:
             assert torch.equal(loaded.state_dict()[name], value.to(torch.float16).to(torch.float32)), name
-    picture = torch.rand(1, 4, 64, 64)
+    picture = torch.rand(1, importlib.import_module("dnb_edge.train.network").INPUT_CHANNELS, 64, 64)
     with torch.no_grad():
         for one, other in zip(network(picture), loaded(picture), strict=True):
             assert torch.allclose(one, other, atol=0.05)
