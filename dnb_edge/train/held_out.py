@@ -60,8 +60,10 @@ class _Tally:
     false: int = 0
 
 
-def follow_footage(network: CentreNetwork, clips: Iterable[Iterable[FilmedFrame]]) -> FootageFigures:
-    """Follow the car of each clip from its first frame."""
+def follow_footage(
+    network: CentreNetwork, clips: Iterable[Iterable[FilmedFrame]], *, calibrated: bool = True
+) -> FootageFigures:
+    """Follow the car of each clip from its first frame; where `calibrated`, the network is told how things lean."""
     tally = _Tally()
     acquired: list[float] = []
     mm: list[float] = []
@@ -75,6 +77,8 @@ def follow_footage(network: CentreNetwork, clips: Iterable[Iterable[FilmedFrame]
         detector, follower = CentreDetector(network), Follower()
         first: int | None = None
         for number, frame in enumerate(clip):
+            if number == 0 and calibrated:
+                detector = CentreDetector(network, lean=frame.view.lean)
             seen = detector.detect(frame.image, sequence=number, t_ns=number, windows=follower.windows())
             chosen = follower.take(seen.detections)
             tally.frames += 1
@@ -126,6 +130,7 @@ def run(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--height", type=float, default=2.15, help="the camera's height, metres; 0: anything from 1.5 to 4"
     )
+    parser.add_argument("--uncalibrated", action="store_true", help="do not tell the network how things lean")
     parser.add_argument("--assets", type=Path, help="folder with photographs and meshes, as in training")
     parser.add_argument("--cache", type=Path, default=Path(), help="where the assets' meshes are kept")
     given = parser.parse_args(arguments)
@@ -138,7 +143,8 @@ def run(arguments: Sequence[str] | None = None) -> None:
     clips = (
         film(HELD_OUT_SEED + i, frames=given.frames, conditions=conditions, assets=assets) for i in range(given.clips)
     )
-    sys.stdout.write(json.dumps(asdict(follow_footage(network, clips))) + "\n")
+    figures = follow_footage(network, clips, calibrated=not given.uncalibrated)
+    sys.stdout.write(json.dumps(asdict(figures)) + "\n")
 
 
 def main() -> None:

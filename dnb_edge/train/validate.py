@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.detect.centre import CentreDetectorSettings
 from dnb_edge.detect.decode import Peak, peaks
-from dnb_edge.detect.looks import look_pixels, window_look
-from dnb_edge.detect.onnx import CentreNetwork
+from dnb_edge.detect.lean import lean_bytes
+from dnb_edge.detect.looks import Look, look_pixels, window_look
+from dnb_edge.detect.onnx import CentreMaps, CentreNetwork
 from dnb_edge.train.scene import SCENE_PX, Sample
 
 _FOUND_LENGTHS = 0.33
@@ -46,7 +45,7 @@ class _Seen:
 
 def _window(
     sample: Sample, car: NDArray[np.float32], rng: np.random.Generator, with_background: bool
-) -> tuple[NDArray[np.uint8], Any]:
+) -> tuple[NDArray[np.uint8], Look]:
     settings = CentreDetectorSettings()
     off = rng.uniform(-0.6, 0.6, 2) * float(car[2])
     look = window_look(
@@ -56,6 +55,13 @@ def _window(
         window_length_px=settings.window_length_px,
     )
     return look_pixels(sample.image, sample.background if with_background else sample.image, look, 1.0), look
+
+
+def _answer(network: CentreNetwork, pixels: NDArray[np.uint8], sample: Sample, look: Look) -> CentreMaps:
+    """What the network says of a window, told the lean at its middle as in a calibrated run."""
+    at = look.to_frame((look.out_width_px - 1) / 2.0, (look.out_height_px - 1) / 2.0)
+    told = lean_bytes(sample.lean @ np.array([*at, 1.0]))
+    return network.many(pixels[None], leans=np.tile(told, (1, *pixels.shape[:2], 1)))[0]
 
 
 def _hit(at: tuple[float, float], peak: Peak, car: NDArray[np.float32], scale: float) -> _Hit:
@@ -80,7 +86,7 @@ def _look_at(network: CentreNetwork, samples: Iterable[Sample], *, with_backgrou
             pixels, look = _window(sample, car, rng, with_background)
             found = [
                 (look.to_frame(peak.u_px, peak.v_px), peak)
-                for peak in peaks(network(pixels), least_confidence=_LEAST_CONFIDENCE, most=8)
+                for peak in peaks(_answer(network, pixels, sample, look), least_confidence=_LEAST_CONFIDENCE, most=8)
             ]
             near = min(found, key=lambda one: math.dist(one[0], (float(car[0]), float(car[1]))), default=None)
             hit = None
