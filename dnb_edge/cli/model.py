@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import cv2
-import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import track
@@ -17,6 +16,8 @@ from rich.table import Table
 
 from dnb_edge.assembly import detector_of
 from dnb_edge.cli.model_bench import bench
+from dnb_edge.cli.model_files import labelled_pictures, read_picture
+from dnb_edge.cli.model_quantize import quantize
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import DetectorConfig
@@ -28,15 +29,15 @@ from dnb_edge.detect.ultralytics import UltralyticsDetector
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
 from dnb_edge.report.model_check import BoxMark, Case, FindMark, encoded_sheet
-from dnb_edge.train.teach_labels import label_file, read_yolo
+from dnb_edge.train.teach_labels import read_yolo
 from dnb_edge.values import BgrImage, Detection
 
 app = typer.Typer(help="Check, quantise and time the detector's model.", no_args_is_help=True)
 app.command("bench")(bench)
+app.command("quantize")(quantize)
 
 MOST_SHOWN = 12
 """Pictures on the sheet of the worst cases."""
-_KINDS = {".jpg", ".jpeg", ".png", ".bmp", ".webp"}
 
 Look: TypeAlias = Callable[[BgrImage], Sequence[Detection]]
 
@@ -93,32 +94,6 @@ def check(
         typer.echo(json.dumps({"model": str(path), **plain(result), "unlabelled": unlabelled}))
     else:
         _print(path, result)
-
-
-def labelled_pictures(folder: Path) -> tuple[list[tuple[Path, Path]], int]:
-    """The pictures under `folder` with their label files, by name, and how many pictures have none.
-
-    Raises InputError for a folder without pictures or without any label file.
-    """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: not a folder: give one with pictures and YOLO labels")
-    paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in _KINDS and path.is_file())
-    if not paths:
-        raise InputError(f"{folder}: no pictures (.jpg, .png) in this folder")
-    found = [(path, labels) for path in paths if (labels := label_file(path)) is not None]
-    if not found:
-        raise InputError(
-            f"{folder}: {len(paths)} pictures and no label file: put YOLO labels beside them, NAME.txt for NAME.jpg"
-        )
-    return found, len(paths) - len(found)
-
-
-def read_picture(path: Path) -> BgrImage:
-    """The picture in a file. Raises InputError where it is none."""
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: not a readable picture: mend or remove it")
-    return np.asarray(image, dtype=np.uint8)
 
 
 def _detector_config(model: Path | None, config_file: Path | None, overrides: Sequence[str] | None) -> DetectorConfig:

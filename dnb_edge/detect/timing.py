@@ -23,6 +23,9 @@ from dnb_edge.errors import InputError
 TURN = 5
 """Timed passes a turn, after one that is not: the first finds others' data in the caches."""
 
+OWN_CHANNELS = (4, 6)
+"""Channels of our networks' inputs."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pass:
@@ -62,12 +65,13 @@ def passes_of(
     """
     name = model.path.name
     first = model.inputs[0]
-    if len(first.shape) == 4 and 4 in (first.shape[1], first.shape[3]):
+    channels = first.shape[3 if first.kind == "tensor(uint8)" else 1] if len(first.shape) == 4 else None
+    if channels in OWN_CHANNELS:
         sizes = {"window": window_px, "full_frame": full_frame_px}
-    elif len(first.shape) == 4 and first.shape[1] == 3:
+    elif channels == 3:
         sizes = {"picture": _picture_size(model)}
     else:
-        raise InputError(f"{model.path}: takes neither four channels nor colour pictures: nothing to time")
+        raise InputError(f"{model.path}: takes neither our networks' channels nor colour pictures: nothing to time")
     return [
         Pass(
             model=name,
@@ -89,7 +93,7 @@ def _noise(model: OpenModel, width_px: int, height_px: int) -> NDArray[Any]:
     first = model.inputs[0]
     rng = np.random.default_rng(0)
     if first.kind == "tensor(uint8)":
-        return rng.integers(0, 256, (1, height_px, width_px, 4), dtype=np.uint8)
+        return rng.integers(0, 256, (1, height_px, width_px, int(first.shape[3] or 4)), dtype=np.uint8)
     kind = np.float16 if first.kind == "tensor(float16)" else np.float32
     return rng.random((1, int(first.shape[1] or 3), height_px, width_px)).astype(kind)
 

@@ -7,29 +7,17 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import onnx
 import torch
 from numpy.typing import NDArray
-from onnxruntime.quantization import CalibrationDataReader, CalibrationMethod, QuantFormat, QuantType, quantize_static
-from onnxruntime.quantization.shape_inference import quant_pre_process
 
-from dnb_edge.train.graph import join_heads, take_bytes
 from dnb_edge.train.network import INPUT_CHANNELS, OUTPUT_CHANNELS, CentreNet
+from dnb_edge.train.quantise_file import quantise_centre
 
 OPSET = 17
-
-
-class _Batches(CalibrationDataReader):
-    def __init__(self, inputs: Sequence[NDArray[np.float32]]) -> None:
-        self._left: Iterator[NDArray[np.float32]] = iter(inputs)
-
-    def get_next(self) -> dict[str, NDArray[np.float32]] | None:
-        batch = next(self._left, None)
-        return None if batch is None else {"pixels": batch}
 
 
 def export_float(network: CentreNet, path: Path) -> None:
@@ -54,26 +42,7 @@ def quantise(network: CentreNet, path: Path, calibration: Sequence[NDArray[np.fl
 
     `calibration` holds inputs (n, 6, h, w) float32 in 0..1 of n = 1 each.
     """
-    first = calibration[0].copy()
-    first[:, :, 0, :2] = (0.0, 1.0)  # so that the input's scale is 1/255 whatever the pictures
     with tempfile.TemporaryDirectory() as folder:
-        plain, ready = Path(folder) / "float.onnx", Path(folder) / "ready.onnx"
+        plain = Path(folder) / "float.onnx"
         export_float(network, plain)
-        quant_pre_process(str(plain), str(ready), skip_symbolic_shape=True)
-        quantize_static(
-            str(ready),
-            str(path),
-            _Batches([first, *calibration[1:]]),
-            quant_format=QuantFormat.QDQ,
-            activation_type=QuantType.QUInt8,
-            weight_type=QuantType.QInt8,
-            per_channel=True,
-            calibrate_method=CalibrationMethod.MinMax,
-        )
-    model = onnx.load(str(path))
-    take_bytes(model)
-    join_heads(model)
-    onnx.checker.check_model(model)
-    del model.metadata_props[:]
-    model.doc_string = ""
-    onnx.save(model, str(path))
+        quantise_centre(plain, path, calibration)

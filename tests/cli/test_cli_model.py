@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from edge_command import edge
 
-from dnb_edge.cli import model
+from dnb_edge.cli import model, model_files
 from dnb_edge.cli.model_bench import parse_threads
 from dnb_edge.detect.check import figures, judge
 from dnb_edge.detect.onnx import default_model_path
@@ -79,14 +79,14 @@ def test_folders_that_hold_nothing_to_check(tmp_path, files, message):
         for name, content in files.items():
             (folder / name).write_bytes(content)
     with pytest.raises(InputError, match=f"pictures: .*{message}"):
-        model.labelled_pictures(folder)
+        model_files.labelled_pictures(folder)
 
 
 def test_a_picture_that_is_none_is_named(tmp_path):
     """A file that only has a picture's name is refused by it."""
     (tmp_path / "a.jpg").write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"a\.jpg: not a readable picture"):
-        model.read_picture(tmp_path / "a.jpg")
+        model_files.read_picture(tmp_path / "a.jpg")
 
 
 @pytest.mark.parametrize(
