@@ -135,10 +135,18 @@ def test_the_optimised_graph_is_int8_all_through(tmp_path):
     options.optimized_model_filepath = str(tmp_path / "optimised.onnx")
     ort.InferenceSession(str(default_model_path()), options, providers=["CPUExecutionProvider"])
     kinds = [node.op_type for node in onnx.load(str(tmp_path / "optimised.onnx")).graph.node]
-    assert kinds.count("QLinearConv") >= 15
-    assert not {"Conv", "FusedConv", "Add", "Relu"} & set(kinds)
-    assert kinds.count("QuantizeLinear") == 1
-    assert kinds.count("DequantizeLinear") == 5
+    assert kinds.count("QLinearConv") > 10
+    assert not {"Conv", "FusedConv", "Add", "Relu", "Clip"} & set(kinds)
+    assert kinds.count("QuantizeLinear") <= 1  # of the input, where it is not bytes
+    assert kinds.count("DequantizeLinear") <= 5  # of the outputs
+
+
+def test_the_graph_knows_no_activation_but_relu():
+    """Relu and Clip fold into an integer convolution for nothing; any other activation would cost time or drop to float."""
+    onnx = pytest.importorskip("onnx")
+    kinds = {node.op_type for node in onnx.load(str(default_model_path())).graph.node}
+    plain = {"Conv", "Add", "Resize", "Concat", "Transpose", "Shape", "Slice", "Gather", "Constant", "Cast", "Identity"}
+    assert kinds <= plain | {"QuantizeLinear", "DequantizeLinear", "Relu", "Clip"}
 
 
 @pytest.mark.parametrize(("height", "width"), [(128, 128), (160, 160), (368, 640), (16, 48)])
