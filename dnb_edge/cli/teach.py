@@ -25,6 +25,8 @@ from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
+from dnb_edge.core import CoreSetup
+from dnb_edge.detect.lean import LeanField
 from dnb_edge.detect.onnx import default_model_path, load_model
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.train.teach import (
@@ -45,6 +47,7 @@ from dnb_edge.train.teach_drive import lane_mask, shots
 from dnb_edge.train.teach_labels import read_labelled
 from dnb_edge.train.teach_points import label_drive
 from dnb_edge.train.teach_sheet import LabelPlace, parse_rejected
+from dnb_edge.view.lean import floor_lean
 
 SHEET = "contact-sheet.png"
 _ROWS = {
@@ -146,10 +149,17 @@ def _material(
     for uri in uris:
         network = load_model(base)
         source_name = Path(uri.partition(":")[2]).name or uri
-        lane = None if config is None else partial(_lane, uri, config)
+        lane = lean = None
+        if config is not None:
+            lane, lean = partial(_lane, uri, config), partial(_lean, uri, config)
         drive = partial(shots, partial(make_source, uri, None))
         found = label_drive(
-            source_name, drive, network, lane=lane, tell=partial(tell, f"Looking for what moves in {source_name}")
+            source_name,
+            drive,
+            network,
+            lane=lane,
+            lean=lean,
+            tell=partial(tell, f"Looking for what moves in {source_name}"),
         )
         own = f"{found.by_model} of {found.paths} paths with the present model's ground points, the others by the mask"
         notes.append(f"{source_name}: {len(found.cars)} of {len(found.times_s)} pictures labelled; {own}.")
@@ -165,9 +175,18 @@ def _uri(given: str) -> str:
 
 
 def _lane(uri: str, config: Config, width_px: int, height_px: int) -> NDArray[np.bool_]:
+    return lane_mask(_setup(uri, config), width_px, height_px)
+
+
+def _lean(uri: str, config: Config, width_px: int, height_px: int) -> LeanField | None:
+    ground = _setup(uri, config).ground.scaled_to(width_px, height_px)
+    return floor_lean(ground, height_m=config.view.camera_height_m)
+
+
+def _setup(uri: str, config: Config) -> CoreSetup:
     source: FrameSource = make_source(uri, config)
     try:
-        return lane_mask(assemble(config, source.info).setup, width_px, height_px)
+        return assemble(config, source.info).setup
     finally:
         source.close()
 

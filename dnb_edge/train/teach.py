@@ -104,10 +104,13 @@ def drive_material(labels: DriveLabels, drive: Drive, *, most_bytes: int = MOST_
                 background=labels.floor,
                 cars=labels.cars[shot.number],
                 number=shot.number,
+                lean=labels.lean,
             )
     held_out = tuple(pictures[number] for number in late)
     first = min(number for number, t_s in labels.times_s.items() if t_s >= border_s)
-    end = HeldOutDrive(drive=drive, first=first, cars={number: labels.cars[number] for number in late})
+    end = HeldOutDrive(
+        drive=drive, first=first, cars={number: labels.cars[number] for number in late}, lean=labels.lean
+    )
     return Material(
         learn=tuple(pictures[number] for number in early), held_out=held_out, drives=(end,), sources=(labels.name,)
     )

@@ -12,15 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dnb_edge.detect.centre import CentreDetector
+from dnb_edge.detect.centre import CentreDetector, CentreDetectorSettings
+from dnb_edge.detect.lean import LeanField
 from dnb_edge.detect.onnx import CentreNetwork
+from dnb_edge.detect.still import look_at_still
 from dnb_edge.train.evaluate import Follower
 from dnb_edge.train.teach_drive import Drive
 from dnb_edge.train.teach_labels import CarLabel, LabelledPicture
 from dnb_edge.values import Detection
 
-LEAST_CONFIDENCE = 0.3
-"""Confidence from which a find counts, as in a race."""
+LEAST_CONFIDENCE = CentreDetectorSettings().acquire_confidence
+"""Confidence from which a find counts: that from which the detector reports it, as `model check` counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +76,9 @@ def figures(
     finds: list[_Find] = []
     cars = 0
     for picture in pictures:
-        seen = CentreDetector(network).detect(picture.bgr, sequence=0, t_ns=0, windows=())
+        seen = _look_at(network, picture)
         cars += sum(car.sure for car in picture.cars)
-        finds.extend(_matched(seen.detections, picture.cars))
+        finds.extend(_matched(seen, picture.cars))
     sure = [find for find in finds if find.confidence >= LEAST_CONFIDENCE]
     errors = [find.error_px for find in sure if find.error_px is not None]
     highest_false = max((find.confidence for find in finds if find.error_px is None), default=0.0)
@@ -96,6 +98,14 @@ def figures(
     )
 
 
+def _look_at(network: CentreNetwork, picture: LabelledPicture) -> tuple[Detection, ...]:
+    """What is found in a picture: a whole round of looks at a still, the first frame's at one of a drive."""
+    if picture.background is None:
+        return look_at_still(network, picture.bgr)
+    detector = CentreDetector(network, lean=picture.lean)
+    return detector.detect(picture.bgr, sequence=0, t_ns=0, windows=()).detections
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldOutDrive:
     """The end of a drive, to be followed as in a race."""
@@ -105,10 +115,12 @@ class HeldOutDrive:
     """Number of its first held-out picture."""
     cars: dict[int, tuple[CarLabel, ...]]
     """Labels of its held-out pictures, by number."""
+    lean: LeanField | None = None
+    """As in `LabelledPicture`."""
 
     def errors(self, network: CentreNetwork) -> list[float | None]:
         """Distance of the followed car from its label in each labelled picture, px; None where it was not there."""
-        detector, follower = CentreDetector(network), Follower()
+        detector, follower = CentreDetector(network, lean=self.lean), Follower()
         out: list[float | None] = []
         for shot in self.drive():
             if shot.number < self.first:

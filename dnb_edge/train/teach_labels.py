@@ -17,6 +17,7 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
+from dnb_edge.detect.lean import LeanField
 from dnb_edge.errors import InputError
 from dnb_edge.values import BgrImage, PointPx
 
@@ -71,6 +72,8 @@ class LabelledPicture:
     cars: tuple[CarLabel, ...]
     number: int | None = None
     """Its place in its drive; None for a still."""
+    lean: LeanField | None = None
+    """How things lean in it, by the calibration; None where that is not known."""
 
 
 def shrunk(picture: BgrImage) -> tuple[BgrImage, float]:

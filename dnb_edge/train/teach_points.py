@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from dnb_edge.detect.centre import CentreDetectorSettings
 from dnb_edge.detect.decode import peaks
+from dnb_edge.detect.lean import LeanField, lean_bytes
 from dnb_edge.detect.looks import look_pixels, window_look
-from dnb_edge.detect.onnx import CentreNetwork
+from dnb_edge.detect.onnx import CentreMaps, CentreNetwork
 from dnb_edge.errors import InputError
 from dnb_edge.train.teach_drive import Blob, BlobFinder, Drive, median_floor
 from dnb_edge.train.teach_labels import GROUND_SHARE, CarLabel
@@ -55,13 +56,16 @@ class DriveLabels:
     paths: int
     by_model: int
     """Paths whose ground points are the present model's."""
+    lean: LeanField | None = None
+    """How things lean in its pictures, where the calibration is known."""
 
 
 class PointFinder:
     """Asks the present model where the car in a region stands."""
 
-    def __init__(self, network: CentreNetwork, floor: BgrImage) -> None:
+    def __init__(self, network: CentreNetwork, floor: BgrImage, lean: LeanField | None = None) -> None:
         self._network = network
+        self._lean = lean
         self._floor = floor
         self._settings = CentreDetectorSettings()
 
@@ -93,12 +97,21 @@ class PointFinder:
             pixels = np.ascontiguousarray(pixels[:, ::-1])
         left, top, right, bottom = blob.box_px
         reach = 0.15 * blob.length_px
-        for peak in peaks(self._network(pixels), least_confidence=_LEAST_CONFIDENCE, most=6):
+        for peak in peaks(self._maps(pixels, blob, mirrored=mirrored), least_confidence=_LEAST_CONFIDENCE, most=6):
             across = pixels.shape[1] - 1 - peak.u_px if mirrored else peak.u_px
             u, v = look.to_frame(across, peak.v_px)
             if left - reach <= u <= right + reach and top - reach <= v <= bottom + reach:
                 return u, v, peak.length_px / look.scale
         return None
+
+    def _maps(self, pixels: NDArray[np.uint8], blob: Blob, *, mirrored: bool) -> CentreMaps:
+        """The network's answer, told the lean where that is known."""
+        if self._lean is None:
+            return self._network(pixels)
+        lean = self._lean(np.array([blob.centre_px]))[0] * ((-1.0 if mirrored else 1.0), 1.0)
+        leans = np.empty((1, *pixels.shape[:2], 2), dtype=np.uint8)
+        leans[:] = lean_bytes(lean)
+        return self._network.many(pixels[None], leans=leans)[0]
 
 
 def label_drive(
@@ -107,14 +120,18 @@ def label_drive(
     network: CentreNetwork,
     *,
     lane: Callable[[int, int], NDArray[np.bool_]] | None = None,
+    lean: Callable[[int, int], LeanField | None] | None = None,
     tell: Callable[[float], None] = lambda _: None,
 ) -> DriveLabels:
-    """Label a drive by what moves in it. `lane(width, height)` is the mask of the lane in its pictures, where it is known.
+    """Label a drive by what moves in it. `lane(width, height)` is the mask of the lane in its pictures, where it is known, and
+    `lean(width, height)` how things lean there.
 
     `tell` hears the share of the drive that is done. Raises InputError where nothing moves, or nothing as a car does.
     """
     floor, duration_s = median_floor(drive, name)
-    find_blobs, find_point = BlobFinder(floor), PointFinder(network, floor)
+    height, width = floor.shape[:2]
+    field = None if lean is None else lean(width, height)
+    find_blobs, find_point = BlobFinder(floor), PointFinder(network, floor, field)
     linker = Linker()
     times_s: dict[int, float] = {}
     blobs: dict[int, tuple[Blob, ...]] = {}
@@ -130,7 +147,6 @@ def label_drive(
         tell(shot.t_s / max(duration_s, 1e-9))
     if not any(blobs.values()):
         raise InputError(f"{name}: nothing moves in this drive: record one in which the car drives")
-    height, width = floor.shape[:2]
     chosen = choose_paths(linker.paths(), None if lane is None else lane(width, height))
     if not chosen:
         where = "on the lane" if lane is not None else "in this drive"
@@ -146,6 +162,7 @@ def label_drive(
         duration_s=duration_s,
         paths=len(chosen),
         by_model=sum(by_model for _, by_model in labelled),
+        lean=field,
     )
 
 

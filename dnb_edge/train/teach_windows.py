@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.detect.centre import CentreDetectorSettings
-from dnb_edge.detect.lean import UNKNOWN
+from dnb_edge.detect.lean import UNKNOWN, LeanField, lean_bytes
 from dnb_edge.train.batches import WINDOW_PX, Batch, difference, make_window, moved_labels, targets_for
 from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX, Sample, make_sample
 from dnb_edge.train.teach_labels import LabelledPicture
@@ -26,6 +26,7 @@ Rng = np.random.Generator
 _HARD_SHARE = 0.3
 _ANYWHERE_SHARE = 0.2
 _BLIND_SHARE = 0.45
+_LEAN_SHARE = 0.65
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,13 +96,26 @@ def user_window(
         if rng.random() < 0.3:  # a bump of the camera
             transform[:, 2] += rng.normal(0, 1.2, 2)
         moved = difference(image, _relit(_warped(pictures[1], np.column_stack([linear, transform[:, 2]])), rng, 0.03))
-    window = with_unknown_lean(np.dstack([_relit(image, rng, 0.12), moved]))
+    window = np.dstack([_relit(image, rng, 0.12), moved])
+    known = picture.lean is not None and rng.random() < _LEAN_SHARE
+    window = _with_lean(window, picture.lean, centre_px, linear) if known else with_unknown_lean(window)
     return window, targets_for(moved_labels(labels, np.column_stack([linear, middle])))
 
 
 def with_unknown_lean(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Colour and difference (h, w, 4) with the two channels that tell the lean, which is not known; (h, w, 6)."""
     return np.dstack([pixels, np.full((*pixels.shape[:2], 2), UNKNOWN, dtype=np.uint8)])
+
+
+def _with_lean(
+    pixels: NDArray[np.uint8], field: LeanField | None, centre_px: PointPx, linear: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """As `with_unknown_lean`, told the lean at the window's middle, turned and mirrored as the window is."""
+    if field is None:
+        return with_unknown_lean(pixels)
+    turn = linear / math.sqrt(abs(float(np.linalg.det(linear))))
+    lean = lean_bytes(turn @ field(np.array([centre_px]))[0])
+    return np.dstack([pixels, np.broadcast_to(lean, (*pixels.shape[:2], 2))])
 
 
 def _warped(picture: NDArray[np.uint8], transform: NDArray[np.float64]) -> BgrImage:

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -80,6 +81,21 @@ def test_a_still_has_no_difference_and_a_drive_often_has_one():
     drive = _picture(1, background=True)
     shown = sum(bool(windows.user_window(drive, (63.0, 90.0), 1.0, rng)[0][:, :, 3].max() > 60) for _ in range(40))
     assert 8 < shown < 36
+
+
+def test_a_known_lean_is_told_turned_as_the_window_is():
+    """A lean of (0.3, -0.5): in about two thirds of the windows the bytes say so, to the left in those that are mirrored."""
+    rng = np.random.default_rng(1)
+    leaning = replace(_picture(1, background=True), lean=lambda at: np.tile([0.3, -0.5], (len(at), 1)))
+    made = [windows.user_window(leaning, (63.0, 90.0), 1.0, rng)[0][:, :, 4:] for _ in range(60)]
+    told = [window for window in made if window.any()]
+    assert 28 < len(told) < 50
+    for window in told:
+        assert len(np.unique(window.reshape(-1, 2), axis=0)) == 1
+        u, v = (window[0, 0].astype(float) - 128) / 80
+        assert np.hypot(u, v) == pytest.approx(np.hypot(0.3, 0.5), abs=0.02)
+        assert (abs(u), v) == pytest.approx((0.3, -0.5), abs=0.15)
+    assert {window[0, 0, 0] > 128 for window in told} == {True, False}
 
 
 def test_a_batch_mixes_the_users_windows_with_drawn_ones():
