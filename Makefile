@@ -14,6 +14,7 @@ VENV_FLAGS ?=
 TORCH_INDEX ?=
 DEMO_FLAGS ?=
 TRAIN_FLAGS ?=
+AARCH64_FLAGS ?=
 PYTEST_FLAGS ?=
 export PYTHON VENV_FLAGS TORCH_INDEX
 
@@ -21,10 +22,10 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train lock clean
+.PHONY: help demo test lint format train aarch64-check lock clean
 
 help: ## List the targets
-	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
 
 demo: .venv/.demo-installed ## A simulated race: live board, recording and report; no camera, no config
 	$(call say,dnb-edge demo)
@@ -51,6 +52,10 @@ format: .venv/.test-installed ## Format the code and mend what ruff can mend
 train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see TORCH_INDEX above)
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
+
+aarch64-check: .venv/.test-installed ## The model's answers here and on a Pi's processors, emulated (Linux, root, minutes)
+	$(call say,tests/system/aarch64_output.py)
+	@$(BIN)/python tests/system/aarch64_output.py $(AARCH64_FLAGS)
 
 lock: ## Resolve all dependencies anew into constraints.txt
 	@.ci/lock
