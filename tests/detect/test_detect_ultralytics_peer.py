@@ -14,7 +14,9 @@ from ultralytics_peer import SETTINGS
 from dnb_edge.detect.onnx import open_model
 from dnb_edge.detect.ultralytics import UltralyticsDetector, UltralyticsSettings
 
-MISSING = [name for name in ("torch", "ultralytics", "onnxslim") if importlib.util.find_spec(name) is None]
+MISSING = [
+    name for name in ("torch", "torchvision", "ultralytics", "onnxslim") if importlib.util.find_spec(name) is None
+]
 pytestmark = pytest.mark.skipif(
     bool(MISSING), reason=f"needs the extra 'ultralytics' ({', '.join(MISSING)} not installed)"
 )
