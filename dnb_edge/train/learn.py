@@ -118,7 +118,8 @@ def losses(outputs: tuple[Tensor, ...], targets: Tensor) -> dict[str, Tensor]:
     }
 
 
-_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.5, "spread": 0.05}
+LOSS_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.5, "spread": 0.05}
+"""Weight of each part of the loss."""
 
 
 def _rate(schedule: Schedule, step: int) -> float:
@@ -202,7 +203,7 @@ def train(
             with torch.autocast("cpu", torch.bfloat16):
                 outputs = network(inputs)
             parts = losses(tuple(output.float() for output in outputs), torch.from_numpy(batch.targets))
-            total = torch.stack([_WEIGHTS[name] * part for name, part in parts.items()]).sum()
+            total = torch.stack([LOSS_WEIGHTS[name] * part for name, part in parts.items()]).sum()
             optimiser.zero_grad(set_to_none=True)
             total.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)

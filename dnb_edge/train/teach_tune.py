@@ -22,13 +22,11 @@ from dnb_edge.detect.centre import CentreDetectorSettings
 from dnb_edge.detect.decode import peaks
 from dnb_edge.detect.looks import Look, look_pixels, whole_look
 from dnb_edge.detect.onnx import CentreMaps
-from dnb_edge.train.learn import losses
+from dnb_edge.train.learn import LOSS_WEIGHTS, losses
 from dnb_edge.train.network import INPUT_CHANNELS, CentreNet, to_input
 from dnb_edge.train.teach_labels import LabelledPicture, evenly
 from dnb_edge.train.teach_windows import HardPlace, WindowMaker, with_unknown_lean
 
-_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "spread": 0.05}
-_HEADING_WEIGHT = 0.15
 _MINE_AT = (0.0, 0.08, 0.2, 0.4, 0.65)
 _MOST_MINED = 48
 _MOST_A_PICTURE = 5
@@ -167,7 +165,7 @@ def _step(
         outputs = network(pixels)
     answers = tuple(output.float() for output in outputs)
     parts = losses(answers, _with_unknown_headings(torch.from_numpy(targets), answers[3]))
-    total = torch.stack([_WEIGHTS.get(name, _HEADING_WEIGHT) * part for name, part in parts.items()]).sum()
+    total = torch.stack([LOSS_WEIGHTS[name] * part for name, part in parts.items()]).sum()
     optimiser.zero_grad(set_to_none=True)
     total.backward()
     nn.utils.clip_grad_norm_(network.parameters(), 5.0)
