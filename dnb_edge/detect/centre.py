@@ -18,6 +18,7 @@ from dnb_edge.detect.background import Background, BackgroundSettings, Disc
 from dnb_edge.detect.lean import LeanField, LeanMap
 from dnb_edge.detect.looks import Look, halved, halvings, tile_looks, whole_look, window_look
 from dnb_edge.detect.onnx import CentreNetwork
+from dnb_edge.detect.sense import AxisSeen, AxisSense
 from dnb_edge.detect.sight import Sight, merged
 from dnb_edge.values import BgrImage, Detection, FrameDetections, SearchWindow
 
@@ -26,9 +27,9 @@ from dnb_edge.values import BgrImage, Detection, FrameDetections, SearchWindow
 class CentreDetectorSettings:
     """Sizes, thresholds and rhythms of the centre detector."""
 
-    whole_width_px: int = 448
+    whole_width_px: int = 384
     """Width of the whole frame as the network sees it."""
-    piece_px: tuple[int, int] = (240, 144)
+    piece_px: tuple[int, int] = (208, 128)
     """Width and height of the pieces in which the whole frame is looked at while a car is followed, network px."""
     piece_every: int = 9
     """While a car is followed one piece is looked at every n-th frame, between the background's; 0: never."""
@@ -74,6 +75,7 @@ class CentreDetector:
         self._settings = settings or CentreDetectorSettings()
         self._size = (0, 0)
         self._background: Background | None = None
+        self._sense = AxisSense()
         self._found: tuple[Detection, ...] = ()
         self._places: tuple[Candidate, ...] = ()
         self._turn = 0
@@ -90,10 +92,19 @@ class CentreDetector:
             found += self._search(sight, image, background, windows, found)
         else:
             found += self._aside(sight, image, background, windows, found)
-        detections = merged(found, self._settings.most_detections)
+        detections = self._headed(merged(found, self._settings.most_detections))
         self._found = detections if full_frame else tuple(one for one in detections if one.moving)
         self._turn += 1
         return FrameDetections(sequence=sequence, t_ns=t_ns, detections=detections, full_frame=full_frame)
+
+    def _headed(self, found: Sequence[Detection]) -> tuple[Detection, ...]:
+        """The network sees a car's axis well and its nose hardly: which way it drives, its movement tells."""
+        seen = [AxisSeen(camera_px=one.camera_px, length_px=one.length_px, axis_rad=one.heading_rad) for one in found]
+        headings = self._sense.headings(seen)
+        return tuple(
+            one if one.heading_rad == to else replace(one, heading_rad=to)
+            for one, to in zip(found, headings, strict=True)
+        )
 
     def _prepared(self, image: BgrImage) -> Background:
         """The background; a frame of another size than the last starts afresh."""
@@ -102,6 +113,7 @@ class CentreDetector:
             times = halvings(width, self._settings.background_width_px)
             self._background = Background(halved(image, times), scale=0.5**times, settings=self._settings.background)
             self._size, self._found, self._places, self._turn = (width, height), (), (), 0
+            self._sense = AxisSense()
             self._lean = None if self._lean_field is None else LeanMap(self._lean_field, width, height)
         return self._background
 
