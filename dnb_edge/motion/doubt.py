@@ -80,7 +80,7 @@ def _in_doubt(target: Followed, group: frozenset[int], t_ns: int) -> Followed:
     """`target` in doubt with `group`; what was seen of it before it shared a detection no longer counts."""
     if target.doubt is None or target.merged_since_t_ns is not None:
         since_t_ns = t_ns if target.doubt is None else target.doubt.since_t_ns
-        return replace(target, doubt=Doubt(group=group, since_t_ns=since_t_ns, met_t_ns=t_ns))
+        return replace(target, doubt=Doubt(group=group, since_t_ns=since_t_ns, met_t_ns=t_ns, unsure_t_ns=t_ns))
     return replace(target, doubt=replace(target.doubt, group=group, met_t_ns=t_ns))
 
 
@@ -107,11 +107,17 @@ def _decided(members: Sequence[Followed], t_ns: int) -> list[Followed]:
     best = assign(costs, 1.0 + sum(map(sum, costs)))
     if _spare(costs, best) < MARGIN:
         return list(members)
-    cars = [members[best[i]] for i in range(len(members))]
-    return [
-        replace(renamed(target, car.target_id, car.looks), doubt=None)
-        for target, car in zip(members, cars, strict=True)
-    ]
+    return [_named_after(target, members[best[i]]) for i, target in enumerate(members)]
+
+
+def _named_after(target: Followed, car: Followed) -> Followed:
+    """`target`, known to be `car`, free of doubt. What `car` had seen before names became unsure stays with its name."""
+    assert target.doubt is not None, "only what is in doubt is named"
+    assert car.doubt is not None, "a car is in doubt with others in doubt"
+    own = (observation for observation in car.pending if observation.t_ns < car.doubt.unsure_t_ns)
+    now = renamed(target, car.target_id, car.looks)
+    since = (observation for observation in now.pending if observation.t_ns >= target.doubt.unsure_t_ns)
+    return replace(now, doubt=None, pending=(*own, *since))
 
 
 def _expired(doubts: Sequence[Doubt], t_ns: int) -> bool:

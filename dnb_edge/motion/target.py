@@ -32,6 +32,8 @@ class Doubt:
     """Stamp of the frame in which the doubt arose."""
     met_t_ns: int
     """Stamp of the latest frame in which they were near or merged."""
+    unsure_t_ns: int
+    """Stamp from which on its name may be wrong: what was seen before is its own."""
     looks: Appearance = UNKNOWN
     """What was seen of this target since, one sighting a frame."""
     votes: int = 0

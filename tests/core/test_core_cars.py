@@ -73,6 +73,31 @@ def test_every_sighting_of_two_cars_is_told_once() -> None:
         assert len(stamps) >= 149
 
 
+def test_what_was_seen_at_a_meeting_is_told_under_the_right_name() -> None:
+    """Two cars merge and bounce apart, their colours are told half a second late: no sighting is ever told of the other car."""
+
+    def beside(t: float) -> float:
+        return 0.14 * min(1.0, max(0.0, abs(t - 2.0) - 0.2) / 0.4)
+
+    outer = lambda t: on_circle(0.8 * t, 1.0 + beside(t))  # noqa: E731
+    inner = lambda t: on_circle(0.8 * t, 1.0 - beside(t))  # noqa: E731
+    core = Core(circle_setup(motion=TWO))
+    told: list[Observation] = []
+    for k in range(120):
+        t = k / FPS
+        colours = (RED, BLUE) if abs(t - 2.0) > 0.7 or t < 1.5 else (None, None)
+        merged = beside(t) < 0.03
+        cars = [(outer, None)] if merged else [(outer, colours[0]), (inner, colours[1])]
+        told += [event for event in core.step(fleet(cars, k)) if isinstance(event, Observation)]
+    names = {round(math.dist(one.track_m, (2.0, 2.0)), 1): one.target_id for one in told if one.t_s < 1.0}
+    assert len(set(names.values())) == 2
+    for one in told:
+        mine = outer if one.target_id == names[1.1] else inner
+        assert math.dist(one.track_m, mine(one.t_s)) < 0.08, one
+    # Only the jerk with which they part, which no real car makes, is gated away.
+    assert len({(one.target_id, one.t_ns) for one in told}) == len(told) >= 2 * 115
+
+
 def test_the_run_ends_when_every_car_has_finished() -> None:
     """With one lap wanted of two cars the faster one's lap does not end the run."""
     core = Core(circle_setup(motion=TWO, laps=LapRules(laps=1)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from traffic import BLUE, FPS, GREEN, RED, Car, DetectorNoise, sighting, sightin
 from dnb_edge.motion.appearance import UNKNOWN, Colour, evidence
 from dnb_edge.motion.follow import Follower
 from dnb_edge.motion.settings import MotionSettings
-from dnb_edge.values import PointM
+from dnb_edge.values import PointM, TargetState
 
 Way = Callable[[float], PointM]
 MEET_S = 3.0
@@ -67,7 +68,9 @@ def bumping(random: np.random.Generator) -> tuple[Way, Way]:
     return lambda t: (first(t), 0.0), lambda t: (first(t) - 0.08 - 0.15 * abs(t - MEET_S - 0.3), 0.02)
 
 
-def outcome(scene: Callable[[np.random.Generator], tuple[Way, Way]], looks: str, seed: int) -> str:
+def outcome(
+    scene: Callable[[np.random.Generator], tuple[Way, Way]], looks: str, seed: int, noise: DetectorNoise | None = None
+) -> str:
     """`kept`, `swapped` or `lost` after one noisy pass."""
     random = np.random.default_rng(seed)
     ways = scene(random)
@@ -77,7 +80,9 @@ def outcome(scene: Callable[[np.random.Generator], tuple[Way, Way]], looks: str,
     after: list[int | None] = [None, None]
     for k in range(round(1.2 * FPS), round(5.4 * FPS)):
         t_s = k / FPS
-        follower.step(round(t_s * 1e9), sightings(cars, t_s, DetectorNoise(), random, in_the_middle=seed % 2 == 0))
+        follower.step(
+            round(t_s * 1e9), sightings(cars, t_s, noise or DetectorNoise(), random, in_the_middle=seed % 2 == 0)
+        )
         numbers = who_is_where(follower, cars, t_s)
         if None not in numbers and t_s < MEET_S - 0.6:
             before = numbers
@@ -95,6 +100,53 @@ def test_cars_that_can_be_told_apart_keep_their_names(
 ) -> None:
     """With noise, missed frames and one detection for both while they are near, no pass ends with names exchanged."""
     assert Counter(outcome(scene, looks, seed) for seed in range(SEEDS)) == {"kept": SEEDS}
+
+
+def test_colours_that_are_told_late_correct_what_motion_guessed() -> None:
+    """While they part no colour is told, so motion names the cars; once there are colours, these have the last word."""
+    results: Counter[str] = Counter()
+    for seed in range(2 * SEEDS):
+        random = np.random.default_rng(seed)
+        cars = [Car(at=way, colour=colour) for way, colour in zip(merging(random), (RED, BLUE), strict=True)]
+        follower = Follower(MotionSettings(cars=2))
+        before, after = None, None
+        for k in range(round(1.2 * FPS), round(5.0 * FPS)):
+            t_s = k / FPS
+            seen = sightings(cars, t_s, DetectorNoise(), random, in_the_middle=True)
+            if MEET_S - 0.2 < t_s < MEET_S + 1.2:
+                seen = [replace(one, colour_bgr=None) for one in seen]
+            follower.step(round(t_s * 1e9), seen)
+            numbers = who_is_where(follower, cars, t_s)
+            if None not in numbers:
+                before, after = (numbers, after) if t_s < MEET_S - 0.6 else (before, numbers)
+        results["kept" if before == after else "exchanged"] += 1
+    assert results == {"kept": 2 * SEEDS}
+
+
+def test_cars_that_share_a_detection_are_both_followed() -> None:
+    """For half a second there is one detection for two cars: neither is given up, and what is told says how vague it is."""
+    follower = Follower(MotionSettings(cars=2))
+    for k in range(45):
+        t_s = k / FPS
+        beside = 0.3 * max(0.0, 1.0 - t_s)
+        places = [(t_s, beside), (t_s, -beside)] if beside > 0.05 else [(t_s, 0.0)]
+        colours = [np.array(RED), np.array(BLUE)] if len(places) == 2 else [None]
+        follower.step(
+            round(t_s * 1e9), [sighting(t_s, at, 0.005, colour=c) for at, c in zip(places, colours, strict=True)]
+        )
+        if t_s > 0.5:
+            assert [target.state for target in follower.followed] == [TargetState.CONFIRMED] * 2
+    for target in follower.followed:
+        assert target.held
+        assert math.sqrt(target.last.covariance_m2[0]) >= 0.5 * 0.2
+        assert math.dist(target.estimate.track_m, (44 / FPS, 0.0)) < 0.2
+
+
+def test_a_marker_that_is_seldom_read_corrects_what_motion_guessed() -> None:
+    """Read in one frame of seven, a marker seldom helps in the frame in which the cars part: doubt lasts until it is read."""
+    rarely = DetectorNoise(marker_read=0.15)
+    results = Counter(outcome(merging, "markers", seed, rarely) for seed in range(SEEDS))
+    assert results == {"kept": SEEDS}
 
 
 @pytest.mark.parametrize("scene", [crossing_paths, overtaking])
