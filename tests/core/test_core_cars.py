@@ -79,16 +79,20 @@ def test_what_was_seen_at_a_meeting_is_told_under_the_right_name() -> None:
     def beside(t: float) -> float:
         return 0.14 * min(1.0, max(0.0, abs(t - 2.0) - 0.2) / 0.4)
 
-    outer = lambda t: on_circle(0.8 * t, 1.0 + beside(t))  # noqa: E731
-    inner = lambda t: on_circle(0.8 * t, 1.0 - beside(t))  # noqa: E731
+    def outer(t: float) -> PointM:
+        return on_circle(0.8 * t, 1.0 + beside(t))
+
+    def inner(t: float) -> PointM:
+        return on_circle(0.8 * t, 1.0 - beside(t))
+
     core = Core(circle_setup(motion=TWO))
     told: list[Observation] = []
     for k in range(120):
         t = k / FPS
         colours = (RED, BLUE) if abs(t - 2.0) > 0.7 or t < 1.5 else (None, None)
         merged = beside(t) < 0.03
-        cars = [(outer, None)] if merged else [(outer, colours[0]), (inner, colours[1])]
-        told += [event for event in core.step(fleet(cars, k)) if isinstance(event, Observation)]
+        cars: list[tuple[Where, tuple[float, float, float] | None]] = [(outer, colours[0]), (inner, colours[1])]
+        told += [event for event in core.step(fleet(cars[: 1 if merged else 2], k)) if isinstance(event, Observation)]
     names = {round(math.dist(one.track_m, (2.0, 2.0)), 1): one.target_id for one in told if one.t_s < 1.0}
     assert len(set(names.values())) == 2
     for one in told:
