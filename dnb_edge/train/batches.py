@@ -6,6 +6,7 @@ Knows how a sample becomes an input and its targets; nothing of torch. Everythin
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -45,7 +46,7 @@ def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
     return np.asarray(cv2.absdiff(image, background).max(axis=2), dtype=np.uint8)
 
 
-def _window_transform(labels: FloatImage, rng: Rng) -> NDArray[np.float64]:
+def _window_transform(labels: FloatImage, rng: Rng, about_px: tuple[float, float] | None = None) -> NDArray[np.float64]:
     """A (2, 3) affine map from sample px to window px: scale, slight turn, mirror, and a place that mostly shows a car.
 
     No quarter turns: a camera that hangs the right way up is the rule (the samples hold the exceptions), and what stands on the
@@ -53,7 +54,10 @@ def _window_transform(labels: FloatImage, rng: Rng) -> NDArray[np.float64]:
     """
     scale = float(np.exp(rng.uniform(math.log(_LEAST_SCALE), math.log(1.4))))
     cars = labels[(labels[:, 2] > 0) & (labels[:, 5] > 0)]
-    if len(cars) and rng.random() < 0.85:
+    if about_px is not None:
+        scale = float(np.exp(rng.uniform(math.log(_LEAST_SCALE), math.log(1.8))))
+        centre = np.array(about_px) + rng.uniform(-0.35, 0.35, 2) * WINDOW_PX / scale
+    elif len(cars) and rng.random() < 0.85:
         car = cars[int(rng.integers(len(cars)))]
         followed = rng.random() < 0.5
         wanted = FOLLOWED_LENGTH_PX * math.exp(rng.normal(0, 0.15)) if followed else math.exp(rng.uniform(2.5, 4.25))
@@ -178,10 +182,18 @@ def _lean_channels(lean: FloatImage | None, transform: NDArray[np.float64], rng:
 
 
 def make_window(
-    pictures: NDArray[np.uint8], labels: FloatImage, rng: Rng, *, lean: FloatImage | None = None
+    pictures: NDArray[np.uint8],
+    labels: FloatImage,
+    rng: Rng,
+    *,
+    lean: FloatImage | None = None,
+    about_px: tuple[float, float] | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """One input (128, 128, 6) and its targets from a sample's pictures (2, 192, 192, 3), labels (k, 6) and lean (2, 3)."""
-    transform = _window_transform(labels, rng)
+    """One input (128, 128, 6) and its targets from a sample's pictures (2, 192, 192, 3), labels (k, 6) and lean (2, 3).
+
+    The window shows a car in most cases, or the place `about_px` of the sample.
+    """
+    transform = _window_transform(labels, rng, about_px)
     size = (WINDOW_PX, WINDOW_PX)
     warped = cv2.warpAffine(pictures[0], transform, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     image: NDArray[np.uint8] = np.asarray(warped, dtype=np.uint8)
@@ -190,12 +202,18 @@ def make_window(
     return window, targets_for(moved_labels(labels, transform))
 
 
-def make_batch(
-    pictures: list[NDArray[np.uint8]], labels: list[FloatImage], leans: list[FloatImage | None], rng: Rng
-) -> Batch:
-    """A batch from as many samples."""
-    made = [
-        make_window(picture, label, rng, lean=lean)
-        for picture, label, lean in zip(pictures, labels, leans, strict=True)
-    ]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Source:
+    """What one window is cut from."""
+
+    pictures: NDArray[np.uint8]
+    """Shape (2, 192, 192, 3): image, background."""
+    labels: FloatImage
+    lean: FloatImage | None
+    about_px: tuple[float, float] | None = None
+
+
+def make_batch(sources: Sequence[Source], rng: Rng) -> Batch:
+    """A batch of one window from each source."""
+    made = [make_window(one.pictures, one.labels, rng, lean=one.lean, about_px=one.about_px) for one in sources]
     return Batch(inputs=np.stack([window for window, _ in made]), targets=np.stack([target for _, target in made]))

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dnb_edge.errors import WorkError
-from dnb_edge.train.batches import Batch, make_batch
+from dnb_edge.train.batches import Batch, Source, make_batch
 from dnb_edge.train.floors import photo_crop
+from dnb_edge.train.hard import HardPlace, mine
 from dnb_edge.train.network import CentreNet, to_input
 from dnb_edge.train.render import to_picture
 from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX
@@ -44,7 +45,15 @@ class Schedule:
     iterations_per_shard: int = 40
     bare_photos: float = 0.12
     """Share of windows cut from photographs in which there is no car."""
+    mine_at: tuple[float, ...] = (0.5, 0.75)
+    """Shares of the iterations after which hard places are looked for in all shards and in photographs."""
+    hard: float = 0.2
+    """Share of windows cut round hard places, once they are known."""
     ema: float = 0.999
+
+
+_CROPS_A_SHARD = 32
+"""Crops of photographs in which hard places are looked for, for each shard."""
 
 
 class ShardReader:
@@ -66,24 +75,53 @@ class ShardReader:
             self._open[number] = (np.load(pictures, mmap_mode="r"), np.load(labels), np.load(leans))
         return self._open[number]
 
-    def batch(self, allowed: range, size: int, rng: np.random.Generator, *, bare_photos: float = 0.0) -> Batch:
-        """A batch of windows from random samples of the `allowed` shards, a share of them of bare photographs."""
-        pictures: list[NDArray[np.uint8]] = []
-        labels: list[NDArray[np.float32]] = []
-        leans: list[NDArray[np.float32] | None] = []
+    def _sample(self, number: int, row: int) -> Source:
+        shard = self._shard(number)
+        return Source(pictures=np.asarray(shard[0][row]), labels=shard[1][row], lean=shard[2][row])
+
+    def _bare_photo(self, rng: np.random.Generator) -> Source:
+        picture = to_picture(photo_crop(self._photos, SCENE_PX, rng))
+        nothing = np.zeros((1, LABEL_FIELDS), dtype=np.float32)
+        return Source(pictures=np.stack([picture, picture]), labels=nothing, lean=_any_lean(rng))
+
+    def _crop(self, number: int) -> Source:
+        return self._bare_photo(np.random.default_rng([2**30, number]))
+
+    def samples(self, shards: int) -> Iterator[tuple[int | None, int, NDArray[np.uint8], NDArray[np.float32]]]:
+        """(shard or None, row, pictures, labels) of every sample of the first shards and of as many crops of photographs."""
+        for number in range(shards):
+            for row in range(len(self._shard(number)[1])):
+                sample = self._sample(number, row)
+                yield number, row, sample.pictures, sample.labels
+        for number in range(_CROPS_A_SHARD * shards if self._photos else 0):
+            crop = self._crop(number)
+            yield None, number, crop.pictures, crop.labels
+
+    def _hard(self, place: HardPlace) -> Source:
+        source = self._crop(place.row) if place.shard is None else self._sample(place.shard, place.row)
+        return replace(source, about_px=place.centre_px)
+
+    def batch(
+        self,
+        allowed: range,
+        size: int,
+        rng: np.random.Generator,
+        *,
+        bare_photos: float = 0.0,
+        hard: Sequence[HardPlace] = (),
+        hard_share: float = 0.0,
+    ) -> Batch:
+        """A batch of windows from random samples of the `allowed` shards, of bare photographs and round hard places."""
+        sources: list[Source] = []
         for _ in range(size):
             if self._photos and rng.random() < bare_photos:
-                picture = to_picture(photo_crop(self._photos, SCENE_PX, rng))
-                pictures.append(np.stack([picture, picture]))
-                labels.append(np.zeros((1, LABEL_FIELDS), dtype=np.float32))
-                leans.append(_any_lean(rng))
-                continue
-            shard = self._shard(int(rng.integers(allowed.start, allowed.stop)))
-            row = int(rng.integers(len(shard[1])))
-            pictures.append(np.asarray(shard[0][row]))
-            labels.append(shard[1][row])
-            leans.append(shard[2][row])
-        return make_batch(pictures, labels, leans, rng)
+                sources.append(self._bare_photo(rng))
+            elif hard and rng.random() < hard_share:
+                sources.append(self._hard(hard[int(rng.integers(len(hard)))]))
+            else:
+                number = int(rng.integers(allowed.start, allowed.stop))
+                sources.append(self._sample(number, int(rng.integers(len(self._shard(number)[1])))))
+        return make_batch(sources, rng)
 
 
 def _any_lean(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -138,25 +176,39 @@ def _update_mean(mean: CentreNet, network: CentreNet, keep: float) -> None:
                 kept.copy_(new)
 
 
-def _save(path: Path, step: int, network: CentreNet, mean: CentreNet, optimiser: torch.optim.Optimizer) -> None:
+def _save(
+    path: Path,
+    step: int,
+    network: CentreNet,
+    mean: CentreNet,
+    optimiser: torch.optim.Optimizer,
+    hard: Sequence[HardPlace],
+) -> None:
     part = path.with_suffix(".part")
     state = {
         "step": step,
         "network": network.state_dict(),
         "mean": mean.state_dict(),
         "optimiser": optimiser.state_dict(),
+        "hard": [(one.shard, one.row, one.centre_px, one.confidence) for one in hard],
     }
     torch.save(state, part)
     part.replace(path)
 
 
-def _restore(path: Path, network: CentreNet, mean: CentreNet, optimiser: torch.optim.Optimizer) -> int:
-    """Take up a checkpoint; the number of iterations already done."""
+def _restore(
+    path: Path, network: CentreNet, mean: CentreNet, optimiser: torch.optim.Optimizer
+) -> tuple[int, list[HardPlace]]:
+    """Take up a checkpoint; the number of iterations already done, and the hard places known then."""
     state = torch.load(path)
     network.load_state_dict(state["network"])
     mean.load_state_dict(state["mean"])
     optimiser.load_state_dict(state["optimiser"])
-    return int(state["step"])
+    hard = [
+        HardPlace(shard=shard, row=row, centre_px=centre_px, confidence=confidence)
+        for shard, row, centre_px, confidence in state.get("hard", ())
+    ]
+    return int(state["step"]), hard
 
 
 def train(
@@ -182,20 +234,26 @@ def train(
     optimiser = torch.optim.AdamW(network.parameters(), lr=schedule.peak_rate, weight_decay=1e-4)
     reader = ShardReader(folder, jobs, photos)
     seen: dict[str, float] = {}
-    first = 0
+    first, hard = 0, list[HardPlace]()
     if checkpoint is not None and checkpoint.exists():
-        first = _restore(checkpoint, network, mean, optimiser)
+        first, hard = _restore(checkpoint, network, mean, optimiser)
+    mining = {round(share * schedule.iterations) for share in schedule.mine_at} - {0}
 
     def batch_for(step: int) -> Batch:
         count = min(schedule.shards, schedule.first_shards + step // schedule.iterations_per_shard)
         rng = np.random.default_rng([seed, 2**31, step])
-        return reader.batch(range(count), schedule.batch, rng, bare_photos=schedule.bare_photos)
+        return reader.batch(
+            range(count), schedule.batch, rng, bare_photos=schedule.bare_photos, hard=hard, hard_share=schedule.hard
+        )
 
     network.train()
     with ThreadPoolExecutor(1) as ahead:
-        coming = ahead.submit(batch_for, first)
+        coming = None
         for step in range(first, schedule.iterations):
-            batch = coming.result()
+            if step in mining:
+                hard = mine(mean, reader.samples(schedule.shards))
+                report(step, {"hard places": float(len(hard))})
+            batch = batch_for(step) if coming is None or step in mining else coming.result()
             coming = ahead.submit(batch_for, step + 1)
             for group in optimiser.param_groups:
                 group["lr"] = _rate(schedule, step)
@@ -214,6 +272,6 @@ def train(
             if (step + 1) % 50 == 0 or step + 1 == schedule.iterations:
                 report(step + 1, dict(seen))
             if checkpoint is not None and (step + 1) % checkpoint_every == 0:
-                _save(checkpoint, step + 1, network, mean, optimiser)
+                _save(checkpoint, step + 1, network, mean, optimiser, hard)
     mean.eval()
     return mean
