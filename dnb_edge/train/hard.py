@@ -22,6 +22,8 @@ _LEAST_CONFIDENCE = 0.2
 _A_SAMPLE = 3
 """At most so many places of one sample."""
 _AT_ONCE = 32
+MOST_PLACES = 6000
+"""Only the worst mistakes are shown again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +65,7 @@ def mistakes(heat: NDArray[np.float32], labels: NDArray[np.float32]) -> list[tup
 def mine(
     network: CentreNet, samples: Iterator[tuple[int | None, int, NDArray[np.uint8], NDArray[np.float32]]]
 ) -> list[HardPlace]:
-    """The network's mistakes in `samples`: (shard or None, row, pictures, labels), in their order."""
+    """The network's worst mistakes in `samples`, surest first; a sample is (shard or None, row, pictures, labels)."""
     training = network.training
     network.eval()
     places: list[HardPlace] = []
@@ -89,4 +91,4 @@ def mine(
     if waiting:
         look()
     network.train(training)
-    return places
+    return sorted(places, key=lambda place: -place.confidence)[:MOST_PLACES]
