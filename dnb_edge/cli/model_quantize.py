@@ -30,7 +30,7 @@ from dnb_edge.detect.ultralytics import UltralyticsDetector
 from dnb_edge.detect.ultralytics_decode import Boxes, letterbox, prepare
 from dnb_edge.detect.ultralytics_file import is_ultralytics
 from dnb_edge.errors import InputError
-from dnb_edge.report.files import write_whole
+from dnb_edge.report.files import scratch_beside, write_whole
 from dnb_edge.train.calibration import HELD_OUT_EVERY, as_float, leans, watch
 from dnb_edge.train.card import file_sha256, write_card
 from dnb_edge.train.quantise_compare import Apart, Spot, apart
@@ -64,15 +64,16 @@ def quantize(
 ) -> None:
     """Quantise a float network to int8, calibrated on your own footage; write it with a card; compare both on held-out frames.
 
-    Needs the extra: pip install 'dnb-edge[train]'. The footage should show the car, the floor and the light of the races.
+    Needs the extra `train`, as `teach` does. The footage should show the car, the floor and the light of the races.
     """
     check_extra()
     cv2.setNumThreads(1)
+    opened = open_model(model)
     target = out if out is not None else model.with_name(f"{model.stem.removesuffix('.float')}.int8.onnx")
     if target.suffix != ".onnx" or target.resolve() == model.resolve() or not target.parent.is_dir():
         raise InputError(f"{target}: give --out another file, NAME.onnx, in a folder that exists")
-    opened = open_model(model)
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    check_float(model)
+    console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     images = track(
         islice(_images(footage), frames),
         "Watching",
@@ -82,8 +83,8 @@ def quantize(
         disable=not console.is_terminal,
     )
     boxes = is_ultralytics(opened.metadata)
-    with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-        work = Path(scratch) / target.name
+    with scratch_beside(target) as scratch:
+        work = scratch / target.name
         if boxes:
             result, used = _boxes(opened, work, images)
         else:
@@ -110,6 +111,14 @@ def check_extra() -> None:
     missing = [name for name in ("onnx", "torch") if importlib.util.find_spec(name) is None]
     if missing:
         raise InputError(f"quantising needs {missing[0]}: pip install 'dnb-edge[train]'")
+
+
+def check_float(model: Path) -> None:
+    """Raises InputError for a network that is in int8 already."""
+    from dnb_edge.train.quantise_file import is_quantised  # noqa: PLC0415 needs the extra
+
+    if is_quantised(model):
+        raise InputError(f"{model}: it is in int8 already: give the float network that it was made from")
 
 
 def _images(footage: str) -> Iterator[BgrImage]:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from dnb_edge.errors import InputError, WorkError
+
+_DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -29,5 +34,20 @@ def write_whole(path: Path, data: bytes) -> None:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        kind = WorkError if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO) else InputError
+        kind = WorkError if error.errno in _DISK_FAULTS else InputError
         raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def scratch_beside(path: Path) -> Iterator[Path]:
+    """A hidden folder beside `path` for what is not finished yet; gone at the end, whatever happens.
+
+    Raises `InputError` where none can be made there, `WorkError` where the disk is full.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-")
+    except OSError as error:
+        kind = WorkError if error.errno in _DISK_FAULTS else InputError
+        raise kind(f"{path}: nothing can be written there: {error.strerror or error}") from error
+    with folder as name:
+        yield Path(name)

@@ -33,6 +33,12 @@ class _Inputs(CalibrationDataReader):
         return None if following is None else {self._name: following}
 
 
+def is_quantised(path: Path) -> bool:
+    """True where the network in `path` computes with int8 or another whole number already."""
+    graph = onnx.load(str(path), load_external_data=False).graph
+    return any(node.op_type in {"QuantizeLinear", "DequantizeLinear", "DynamicQuantizeLinear"} for node in graph.node)
+
+
 def quantise_centre(plain: Path, path: Path, inputs: Sequence[NDArray[np.float32]]) -> None:
     """Write our float network in `plain` in int8 to `path`: bytes in, all heads in one output `maps`.
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dnb_edge.detect.onnx import load_builtin_model, load_model, open_model
+from dnb_edge.detect.onnx import default_model_path, load_builtin_model, load_model, open_model
+from dnb_edge.errors import InputError
 from dnb_edge.train.calibration import Listening, as_float, leans, watch
 
 onnx = pytest.importorskip("onnx")
@@ -75,4 +76,22 @@ def test_quantise_writes_a_network_that_loads(float_model):
     assert card["comparison"]["output_largest"] < 1.0
     assert [one["pass"] for one in card["comparison"]["times"]] == ["window", "full_frame"]
     assert open_model(target).inputs[0].kind == "tensor(uint8)"
-    assert not list(target.parent.glob("tmp*"))
+    assert not list(target.parent.glob(".*"))
+
+
+def test_an_int8_network_is_not_quantised_again(tmp_path):
+    """The shipped network as the float one: refused in one line, and nothing appears."""
+    from dnb_edge.cli.model_quantize import quantize  # noqa: PLC0415
+
+    with pytest.raises(InputError, match="it is in int8 already"):
+        quantize(default_model_path(), footage="sim:?laps=1", out=tmp_path / "again.onnx")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("model", [".", "/"])
+def test_a_folder_is_no_network(model):
+    """A folder, whose path may have no name at all, is refused as a model that cannot be read."""
+    from dnb_edge.cli.model_quantize import quantize  # noqa: PLC0415
+
+    with pytest.raises(InputError, match="the model cannot be read"):
+        quantize(Path(model), footage="sim:?laps=1")
