@@ -168,7 +168,7 @@ def _ultralytics_model(wanted: DetectorConfig) -> OpenModel | None:
         if wanted.kind == "ultralytics":
             raise InputError("detector.model: the detector `ultralytics` needs a model; give the path of a .onnx file")
         return None
-    if wanted.kind == "centre" or (wanted.kind == "auto" and path.with_suffix(".json").exists()):
+    if wanted.kind == "centre" or (wanted.kind == "auto" and _has_card(path)):
         return None
     opened = open_model(path, threads=wanted.threads)
     if wanted.kind == "auto" and not is_ultralytics(opened.metadata):
@@ -177,6 +177,11 @@ def _ultralytics_model(wanted: DetectorConfig) -> OpenModel | None:
             "nor exported by Ultralytics (its metadata does not say so); put the card there or choose another model"
         )
     return opened
+
+
+def _has_card(model: Path) -> bool:
+    """Whether a card lies beside the model; a path without a name, such as `/`, is no model."""
+    return bool(model.name) and model.with_suffix(".json").exists()
 
 
 def _box_settings(wanted: DetectorConfig) -> UltralyticsSettings:

@@ -37,7 +37,7 @@ def demo(
 
     It writes a twin, keypoints and a configuration first, as a user would: look at them to see what your own track needs.
     """
-    console = BoardConsole(stderr=as_json)
+    console = BoardConsole(stderr=as_json, markup=False)
     console.print("Drawing the track and setting up the simulated camera ...", highlight=False)
     config_file = write_demo_config(directory, Rig(seed=seed, laps=laps))
     config = load_config(config_file, [f"race.laps={laps}"])

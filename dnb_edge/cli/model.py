@@ -69,7 +69,7 @@ def check(
     pictures without a label file are left out. The error is the distance to the box's centre.
     """
     cv2.setNumThreads(1)
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     if worst is not None and (not worst.parent.is_dir() or worst.suffix.lower() != ".png"):
         raise InputError(f"{worst}: give a file NAME.png in a folder that exists")
     labelled, unlabelled = labelled_pictures(images)
@@ -170,7 +170,7 @@ def _case(path: Path, judged: judging.Judged, confidence: float) -> Case:
 
 
 def _print(path: Path, result: judging.Figures) -> None:
-    out = Console(highlight=False, soft_wrap=True)
+    out = Console(highlight=False, soft_wrap=True, markup=False)
     at = result.at
     out.print(
         f"{path.name} on {result.images} pictures with {result.cars} cars, from a confidence of {at.confidence:g}:"

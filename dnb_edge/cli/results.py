@@ -42,7 +42,7 @@ def score(
     ] = False,
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run."""
-    console = Console()
+    console = Console(markup=False)
     for path in _files(runs):
         replayed = replay(path)
         sink = JsonSink(sys.stdout, observations=observations)
@@ -56,7 +56,7 @@ def score(
             elif isinstance(event, RunSummary):
                 console.print(f"  {event.laps} laps in {event.frames} frames", highlight=False)
         for warning in replayed.warnings:
-            Console(stderr=True).print(f"  {warning}", highlight=False, soft_wrap=True)
+            Console(stderr=True, markup=False).print(f"  {warning}", highlight=False, soft_wrap=True)
 
 
 def table(

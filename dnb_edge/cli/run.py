@@ -63,7 +63,7 @@ def run(
     if as_json:
         run_appliance(config, options, listeners=[JsonSink(sys.stdout, observations=observations)])
         return
-    console = BoardConsole()
+    console = BoardConsole(markup=False)
     with TerminalDisplay(console) as board:
         summary = run_appliance(config, options, displays=[board])
     say_summary(console, summary)

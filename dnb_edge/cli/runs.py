@@ -76,7 +76,7 @@ def list_runs(directory: Directory = Path(), *, as_json: AsJson = False) -> None
         laps = "" if run.laps is None else str(run.laps)
         size = f"{run.size_bytes / 1e6:.1f} MB"
         table.add_row(run.file, run.state.value, run.name or "", laps, duration, size, run.note or "")
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 @app.command("recover")

@@ -1,6 +1,7 @@
 """`dnb-edge model`: what it says, and how it refuses what it cannot use."""
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -63,6 +64,16 @@ def test_check_names_the_line_that_is_no_label(labelled, tmp_path):
     assert "a.txt, line 2" in ran.complaint()
 
 
+def test_names_with_brackets_are_told_as_they_are(labelled, tmp_path):
+    """Brackets in a path are no markup: what is said names the folder and the sheet whole."""
+    folder = tmp_path / "[bold]x[/odd]"
+    shutil.copytree(labelled, folder)
+    ran = edge("model", "check", "--images", folder, "--worst", folder / "w.png")
+    assert ran.code == 0, ran.err
+    assert f"{folder}: 1 pictures without" in ran.err
+    assert f"Worst cases: {folder / 'w.png'}" in ran.err
+
+
 @pytest.mark.parametrize(
     ("files", "message"),
     [
@@ -93,6 +104,7 @@ def test_a_picture_that_is_none_is_named(tmp_path):
     ("words", "message"),
     [
         (["none.onnx"], r"none\.onnx: the model cannot be read"),
+        (["/"], "/: the model cannot be read"),
         (["--worst", "none/sheet.png"], r"sheet\.png: give a file NAME\.png in a folder that exists"),
         (["--set", "detector.threads=2"], "--set needs a configuration"),
     ],
