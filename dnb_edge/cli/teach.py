@@ -34,7 +34,9 @@ from dnb_edge.train.teach import (
     Material,
     Outcome,
     TeachSettings,
+    check_base,
     check_enough,
+    check_out,
     check_torch,
     drive_material,
     joined,
@@ -96,12 +98,13 @@ def teach(
     A drive labels itself by what moves in it; the camera must stand still. A recording holds a few pictures a second only: a
     clip of the same drive teaches more. Ctrl-C while it learns ends the learning and keeps what was learnt.
     """
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     if not drives and labels is None:
         raise InputError("nothing to teach from: give a clip or a recording of a drive, or --labels DIR")
-    if Path(name).name != name or name.startswith("."):
+    if not name or Path(name).name != name or name.startswith("."):
         raise InputError(f"--name {name}: give a plain file name without a folder")
     cv2.setNumThreads(1)
+    check_out(out)
     base = model if model is not None else default_model_path()
     config = None if config_file is None else load_config(config_file, overrides or [])
     with _progress(console) as tell:
@@ -146,6 +149,7 @@ def _material(
     if not uris:
         check_enough(joined(parts))
     check_torch()
+    check_base(base)  # before the long work
     for uri in uris:
         network = load_model(base)
         source_name = Path(uri.partition(":")[2]).name or uri
@@ -216,7 +220,7 @@ def _rejected(
 def _progress(console: Console) -> Iterator[Callable[[str, float], None]]:
     """A bar a step, with the time that is left."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),

@@ -7,6 +7,7 @@ is told without it. Nothing appears in the output folder before the new model ha
 from __future__ import annotations
 
 import importlib.util
+import os
 import platform
 import tempfile
 from collections.abc import Callable, Sequence
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from dnb_edge.detect.onnx import CentreNetwork, load_model
 from dnb_edge.errors import InputError, WorkError
+from dnb_edge.report.files import write_whole
 from dnb_edge.train.card import file_sha256, write_card
 from dnb_edge.train.teach_compare import Figures, HeldOutDrive, figures, worse
 from dnb_edge.train.teach_drive import Drive
@@ -76,6 +78,21 @@ def check_torch() -> None:
     missing = [name for name in ("torch", "onnx") if importlib.util.find_spec(name) is None]
     if missing:
         raise InputError(f"teaching needs {missing[0]}: pip install 'dnb-edge[train]'")
+
+
+def check_base(base: Path) -> None:
+    """Raises InputError where the model in `base` cannot be taught: no such model, or no weights of this kind of network."""
+    from dnb_edge.train.weights import load_weights, weights_path  # noqa: PLC0415 PyTorch is loaded only where it learns
+
+    load_model(base)
+    load_weights(weights_path(base))
+
+
+def check_out(out: Path) -> None:
+    """Raises InputError where the folder `out` can neither be made nor be written to; makes nothing."""
+    nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(f"{out}: no folder can be made or written to there: choose another --out")
 
 
 def drive_material(labels: DriveLabels, drive: Drive, *, most_bytes: int = MOST_BYTES) -> Material:
@@ -148,9 +165,13 @@ def write_sheet(material: Material, path: Path) -> list[LabelPlace]:
     """Write the contact sheet of all labels; which labels it shows, in order. Raises InputError where it cannot be written."""
     pictures = [*material.learn, *material.held_out]
     shown = shown_places(pictures)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), draw_sheet(pictures, shown)):
-        raise InputError(f"{path}: the contact sheet cannot be written: choose another --out")
+    made, encoded = cv2.imencode(path.suffix, draw_sheet(pictures, shown))
+    assert made, "what was drawn can be encoded"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(f"{path.parent}: cannot be made ({fault.strerror}): choose another --out") from fault
+    write_whole(path, encoded.tobytes())
     return shown
 
 
@@ -248,7 +269,8 @@ def _as_input(window: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def _move(path: Path, out: Path) -> None:
     """Put the finished files in place; the model last, since its card tells what must lie beside it."""
-    files = sorted(path.parent.glob(f"{path.stem}.*"), key=lambda file: file.suffix == ".onnx")
+    own = [file for file in path.parent.iterdir() if file.name.startswith(f"{path.stem}.")]
+    files = sorted(own, key=lambda file: file.suffix == ".onnx")
     try:
         for file in files:
             file.replace(out / file.name)

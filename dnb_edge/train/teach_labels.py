@@ -99,7 +99,7 @@ def read_yolo(path: Path, width_px: int, height_px: int) -> tuple[CarLabel, ...]
     Raises InputError, naming file and line, for anything else.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()  # some editors begin a text with a mark
     except (OSError, UnicodeDecodeError) as fault:
         raise InputError(f"{path}: the labels cannot be read: they are text, a line 'class cx cy w h' a car") from fault
     return tuple(
@@ -114,7 +114,7 @@ def _box(path: Path, number: int, line: str, width_px: int, height_px: int) -> B
     try:
         cx, cy, w, h = (float(word) for word in words[1:])
         int(float(words[0]))
-    except ValueError as fault:
+    except (ValueError, OverflowError) as fault:
         raise InputError(
             f"{path}, line {number}: {line.strip()[:60]!r} is not 'class cx cy w h': export the labels as YOLO boxes"
         ) from fault

@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -64,6 +65,9 @@ def test_wrong_input_is_one_line_that_names_it(tmp_path):
         (("--labels", torn), "001.png: not a readable picture"),
         (("--labels", few), "few: 12 labelled cars are too few"),
         (("--labels", few, "--name", "../x"), "--name ../x"),
+        (("--labels", few, "--name", ""), "--name : give a plain file name"),
+        (("--labels", few, "--out", few / "000.png"), "000.png: no folder can be made"),
+        (("--labels", few, "--out", few / "000.png" / "deeper"), "deeper: no folder can be made"),
     ]
     for words, says in cases:
         ran = edge("teach", *words, cwd=tmp_path)
@@ -117,17 +121,29 @@ def test_labels_are_taught_after_the_sheet_was_looked_at(random_model, tmp_path)
     beyond = edge(*words, "--reject", "99")
     assert beyond.code == 2
     assert "'99' is not on the contact sheet" in beyond.err
-    ran = edge(*words, "--yes", "--name", "mine")
+    ran = edge(*words, "--yes", "--name", "mine[1].v2")
     assert ran.code == 0, ran.err
     said = json.loads(ran.out)
-    assert said["model"] == str(out / "mine.onnx")
+    assert said["model"] == str(out / "mine[1].v2.onnx")
     assert said["before"]["cars"] == said["after"]["cars"] == 5
     assert sorted(path.name for path in out.iterdir()) == [
         "contact-sheet.png",
-        "mine.json",
-        "mine.onnx",
-        "mine.weights.npz",
+        "mine[1].v2.json",
+        "mine[1].v2.onnx",
+        "mine[1].v2.weights.npz",
     ]
+
+
+@needs_torch
+def test_a_base_without_weights_is_told_before_the_sheet(random_model, tmp_path):
+    """A model without its weights cannot be taught: one line says so before anything is labelled or written."""
+    for path in (random_model, random_model.with_suffix(".json")):
+        shutil.copy(path, tmp_path)
+    bare = tmp_path / random_model.name
+    ran = edge("teach", "--labels", _labelled(tmp_path / "right", 24), "--model", bare, "--yes", cwd=tmp_path)
+    assert ran.code == 2
+    assert "random.weights.npz: the weights cannot be read" in ran.complaint()
+    assert not (tmp_path / "taught").exists()
 
 
 @needs_torch

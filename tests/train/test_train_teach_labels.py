@@ -39,6 +39,13 @@ def test_a_boxs_ground_point_lies_a_little_below_its_centre(tmp_path):
     assert car.sure
 
 
+def test_a_byte_order_mark_is_no_part_of_a_label(tmp_path):
+    """Label files that an editor began with a mark are read as those without."""
+    path = tmp_path / "one.txt"
+    path.write_text("0 0.5 0.5 0.25 0.25\n", encoding="utf-8-sig")
+    assert len(read_yolo(path, 80, 60)) == 1
+
+
 def test_a_tiny_box_is_neither_car_nor_floor(tmp_path):
     """Five pixels are too few to learn from, and no proof that there is no car."""
     path = tmp_path / "one.txt"
@@ -56,6 +63,7 @@ def test_a_tiny_box_is_neither_car_nor_floor(tmp_path):
         "0 50 50 20 20",
         "0 0.5 0.5 0 0.1",
         "0 nan 0.5 0.1 0.1",
+        "inf 0.5 0.5 0.1 0.1",
     ],
 )
 def test_a_bad_line_is_named(tmp_path, line):
