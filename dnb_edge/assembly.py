@@ -143,18 +143,35 @@ def make_detector(config: Config, ground: GroundMap | None = None) -> Detector:
 
 def detector_of(wanted: DetectorConfig, lean: LeanField | None = None) -> Detector:
     """As `make_detector`, from the detector's section alone."""
+    check_detector(wanted)
     if wanted.kind == "markers":
-        return _marker_detector(wanted)
-    if wanted.markers != MarkersConfig():
-        raise InputError(
-            "detector.markers: only for the detector `markers`; set detector.kind to it, or leave this out"
-        )
+        return MarkerDetector(_marker_settings(wanted))
     opened = _ultralytics_model(wanted)
     if opened is not None:
         return UltralyticsDetector(opened, _box_settings(wanted))
     _without_box_settings(wanted)
     path = wanted.model if wanted.model is not None else default_model_path()
     return CentreDetector(load_model(path, threads=wanted.threads), lean=lean)
+
+
+def check_detector(wanted: DetectorConfig) -> None:
+    """Raises `InputError` where the detector's section contradicts itself, as far as that shows without its model's file."""
+    if wanted.kind == "markers":
+        if wanted.model is not None:
+            raise InputError(
+                "detector.model: the detector `markers` uses no model; leave it out, or choose another detector.kind"
+            )
+        _without_box_settings(wanted)
+        _marker_settings(wanted)
+        return
+    if wanted.markers != MarkersConfig():
+        raise InputError(
+            "detector.markers: only for the detector `markers`; set detector.kind to it, or leave this out"
+        )
+    if wanted.kind == "ultralytics" and wanted.model is None:
+        raise InputError("detector.model: the detector `ultralytics` needs a model; give the path of a .onnx file")
+    if wanted.kind == "centre" or wanted.model is None:
+        _without_box_settings(wanted)
 
 
 _BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "sigma_ratio")
@@ -164,11 +181,7 @@ _BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "sigma_ratio")
 def _ultralytics_model(wanted: DetectorConfig) -> OpenModel | None:
     """The model where it is one of Ultralytics' (told so, or by its metadata); None where it is one of ours."""
     path = wanted.model
-    if path is None:
-        if wanted.kind == "ultralytics":
-            raise InputError("detector.model: the detector `ultralytics` needs a model; give the path of a .onnx file")
-        return None
-    if wanted.kind == "centre" or (wanted.kind == "auto" and _has_card(path)):
+    if path is None or wanted.kind == "centre" or (wanted.kind == "auto" and _has_card(path)):
         return None
     opened = open_model(path, threads=wanted.threads)
     if wanted.kind == "auto" and not is_ultralytics(opened.metadata):
@@ -195,17 +208,11 @@ def _without_box_settings(wanted: DetectorConfig) -> None:
             raise InputError(f"detector.{name}: only for a model that Ultralytics exported; leave it out")
 
 
-def _marker_detector(wanted: DetectorConfig) -> MarkerDetector:
-    if wanted.model is not None:
-        raise InputError(
-            "detector.model: the detector `markers` uses no model; leave it out, or choose another detector.kind"
-        )
-    _without_box_settings(wanted)
+def _marker_settings(wanted: DetectorConfig) -> MarkerSettings:
     try:
-        settings = MarkerSettings(**{name: getattr(wanted.markers, name) for name in MarkersConfig.model_fields})
+        return MarkerSettings(**{name: getattr(wanted.markers, name) for name in MarkersConfig.model_fields})
     except ValueError as error:
         raise InputError(f"detector.markers.{error}") from error
-    return MarkerDetector(settings)
 
 
 def make_source(uri: str, config: Config | None) -> FrameSource:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 import yaml
 
-from dnb_edge.assembly import plain_config
+from dnb_edge.assembly import check_detector, plain_config
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
@@ -28,8 +28,8 @@ def show(file: File, overrides: Override = None) -> None:
 
 @app.command()
 def check(file: File, overrides: Override = None) -> None:
-    """Say whether the file is right; exit code 2 where it is not."""
-    load_config(file, overrides or [])
+    """Say whether the file is right; exit code 2 where it is not. The files that it names are looked at when a run begins."""
+    check_detector(load_config(file, overrides or []).detector)
     typer.echo(f"{file}: right")
 
 

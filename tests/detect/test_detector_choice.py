@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ultralytics_graph import metadata, write_constant
 
-from dnb_edge.assembly import make_detector
+from dnb_edge.assembly import check_detector, make_detector
 from dnb_edge.config.load import check_config
 from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig
 from dnb_edge.detect.centre import CentreDetector
@@ -53,6 +53,24 @@ def _config(models: Path, **detector: Any) -> Config:
 def test_the_model_file_tells_the_detector(models, said, kind):
     """A card beside it makes a model ours, Ultralytics' metadata one of theirs; without a model it is the built-in one."""
     assert type(make_detector(_config(models, **said))) is kind
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"kind": "ultralytics"},
+        {"kind": "markers", "model": "none.onnx"},
+        {"kind": "markers", "markers": {"ids": [77]}},
+        {"kind": "markers", "markers": {"dictionary": "9X9"}},
+        {"kind": "centre", "model": "none.onnx", "classes": ["car"]},
+        {"markers": {"ids": [1]}},
+        {"iou": 0.3},
+    ],
+)
+def test_a_contradiction_shows_without_the_models_file(models, said):
+    """`config check` finds what contradicts itself, and asks for no file of a model."""
+    with pytest.raises(InputError, match=r"detector\."):
+        check_detector(_config(models, **said).detector)
 
 
 @pytest.mark.parametrize(
