@@ -19,6 +19,7 @@ import numpy as np
 
 from dnb_edge.detect.centre import CentreDetector, CentreDetectorSettings
 from dnb_edge.detect.onnx import CentreNetwork, default_model_path, load_model
+from dnb_edge.detect.still import look_at_still
 from dnb_edge.errors import InputError
 from dnb_edge.train.card import write_card
 from dnb_edge.values import BgrImage, Detection, SearchWindow
@@ -151,8 +152,8 @@ def clip_truth(path: Path) -> list[tuple[float, float]]:
 
 
 def find_in_photo(network: CentreNetwork, photo: BgrImage) -> tuple[Detection, ...]:
-    """Detections in one picture, strongest first, with no background."""
-    return CentreDetector(network).detect(photo, sequence=0, t_ns=0, windows=()).detections
+    """Detections in one picture, strongest first, with no background, after one round of all the detector's looks."""
+    return look_at_still(network, photo)
 
 
 def _note(network: CentreNetwork, given: argparse.Namespace, figures: dict[str, object]) -> None:
