@@ -95,6 +95,8 @@ def quantize(
         card_path.unlink(missing_ok=True)  # beside a model of other bytes it would call it damaged
         work.replace(target)
     write_whole(card_path, (json.dumps(card, indent=2, ensure_ascii=False) + "\n").encode())
+    if not told["finds"]:
+        console.print(f"{footage}: no car found: the comparison says little, use footage that shows the car")
     if as_json:
         typer.echo(json.dumps(card))
     else:

@@ -63,7 +63,7 @@ def test_inputs_of_the_float_network():
     assert [lean == (0, 0) for lean in leans(4, 1)] == [False, True, False, True]
 
 
-def test_quantise_writes_a_network_that_loads(float_model):
+def test_quantise_writes_a_network_that_loads(float_model, capsys):
     """Our float network becomes a smaller file with a card that fits, all convolutions int8, and answers much alike."""
     from dnb_edge.cli.model_quantize import quantize  # noqa: PLC0415
 
@@ -77,6 +77,7 @@ def test_quantise_writes_a_network_that_loads(float_model):
     assert [one["pass"] for one in card["comparison"]["times"]] == ["window", "full_frame"]
     assert open_model(target).inputs[0].kind == "tensor(uint8)"
     assert not list(target.parent.glob(".*"))
+    assert ("no car found" in capsys.readouterr().err) == (card["comparison"]["finds"] == 0)
 
 
 def test_an_int8_network_is_not_quantised_again(tmp_path):
