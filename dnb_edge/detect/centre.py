@@ -27,9 +27,9 @@ from dnb_edge.values import BgrImage, Detection, FrameDetections, SearchWindow
 class CentreDetectorSettings:
     """Sizes, thresholds and rhythms of the centre detector."""
 
-    whole_width_px: int = 384
+    whole_width_px: int = 352
     """Width of the whole frame as the network sees it."""
-    piece_px: tuple[int, int] = (208, 128)
+    piece_px: tuple[int, int] = (192, 128)
     """Width and height of the pieces in which the whole frame is looked at while a car is followed, network px."""
     piece_every: int = 9
     """While a car is followed one piece is looked at every n-th frame, between the background's; 0: never."""

@@ -283,7 +283,7 @@ def load_model(path: Path, *, threads: int = 1) -> CentreNetwork:
 
 def default_model_path() -> Path:
     """The model that the package ships."""
-    return Path(__file__).parent / "models" / "dnb-edge-centre-v1.onnx"
+    return Path(__file__).parent / "models" / "dnb-edge-centre-v2.onnx"
 
 
 def load_builtin_model(*, threads: int = 1) -> CentreNetwork:
