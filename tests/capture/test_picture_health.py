@@ -1,10 +1,13 @@
 """What a bad picture is, told from strips of it: which fault, from when and until when."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge
 from dnb_edge.display.protocol import MAX_BODY_CHARS, Warn
@@ -23,7 +26,7 @@ def scene() -> BgrImage:
     return picture
 
 
-def noisy(picture: BgrImage, sigma: float = 2.0) -> BgrImage:
+def noisy(picture: NDArray[Any], sigma: float = 2.0) -> BgrImage:
     noise = RANDOM.standard_normal(picture.shape[:2], dtype=np.float32)[..., None] * sigma
     return np.clip(picture.astype(np.float32) + noise, 0, 255).astype(np.uint8)
 
@@ -77,7 +80,9 @@ def verdicts(judge: PictureJudge, pictures: list[BgrImage], start: int = 0) -> l
         "good", "out of focus", "dim", "bright", "tiny", "4K",
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_picture(scene: BgrImage, make, fault: PictureFault | None) -> None:
+def test_what_is_wrong_with_a_picture(
+    scene: BgrImage, make: Callable[[BgrImage], BgrImage], fault: PictureFault | None
+) -> None:
     """A bad picture is told within a second and not at once; one that only is poor is good enough."""
     picture = make(scene)
     said = verdicts(PictureJudge(live=False), [picture] * 30)
@@ -90,11 +95,12 @@ def test_a_flash_or_a_hand_passing_by_says_nothing(scene: BgrImage) -> None:
     judge = PictureJudge(live=True)
     good = [noisy(scene) for _ in range(12)]
     assert set(verdicts(judge, good)) == {None}
-    assert judge.shows_something
+    shows = [judge.shows_something]
     assert set(verdicts(judge, [flat(3.0)] * 9, start=12)) == {None}
-    assert not judge.shows_something
+    shows.append(judge.shows_something)
     assert set(verdicts(judge, good, start=21)) == {None}
-    assert judge.shows_something
+    shows.append(judge.shows_something)
+    assert shows == [True, False, True]
     assert judge.lasted_s == {}
 
 
