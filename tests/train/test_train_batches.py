@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dnb_edge.train.batches import CELL_PX, GRID, WINDOW_PX, make_window, moved_labels, targets_for
 from dnb_edge.detect.lean import lean_bytes
+from dnb_edge.train.batches import CELL_PX, GRID, WINDOW_PX, make_window, moved_labels, targets_for
 from dnb_edge.train.scene import SCENE_PX
 
 
