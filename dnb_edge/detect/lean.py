@@ -49,15 +49,18 @@ class LeanMap:
         leans = field(np.column_stack([u.ravel(), v.ravel()]))
         self._bytes = lean_bytes(leans).reshape(rows, columns, 2)
         self._planes: dict[Look, NDArray[np.uint8]] = {}
+        self._flat: dict[tuple[int, ...], NDArray[np.uint8]] = {}
 
     def at_middle(self, look: Look) -> NDArray[np.uint8]:
         """Bytes (h, w, 2) for a small look: the lean at its middle everywhere, as the network has learnt it."""
         rows, columns, _ = self._bytes.shape
         column = int((look.left_px + look.width_px / 2) / self._step_px[0])
         row = int((look.top_px + look.height_px / 2) / self._step_px[1])
-        out = np.empty((look.out_height_px, look.out_width_px, 2), dtype=np.uint8)
-        out[:] = self._bytes[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)]
-        return out
+        told = self._bytes[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)]
+        key = (look.out_height_px, look.out_width_px, *told.tolist())
+        if key not in self._flat:
+            self._flat[key] = np.tile(told, (look.out_height_px, look.out_width_px, 1))
+        return self._flat[key]
 
     def over(self, look: Look) -> NDArray[np.uint8]:
         """Bytes (h, w, 2) for a large look, each pixel with its own; kept, since large looks come again and again."""
