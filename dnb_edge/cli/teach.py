@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -118,9 +119,9 @@ def teach(
     material = rejecting(material, shown, _rejected(material, shown, sheet, yes=yes, reject=reject, console=console))
     check_enough(material)
     settings = TeachSettings(minutes=minutes, iterations=iterations, seed=seed)
-    command = (
-        f"dnb-edge teach {' '.join(material.sources)} --seed {seed} --minutes {minutes:g} --iterations {iterations}"
-    )
+    given = [*(Path(drive).name for drive in drives or []), *([] if labels is None else ["--labels", labels.name])]
+    bounds = ["--seed", str(seed), "--minutes", f"{minutes:g}", "--iterations", str(iterations)]
+    command = shlex.join(["dnb-edge", "teach", *given, *bounds])
     with _progress(console) as tell:
         outcome = run_teach(material, base, out, name=name, settings=settings, command=command, force=force, tell=tell)
     _tell_outcome(outcome, out / f"{name}.onnx", console, as_json=as_json)

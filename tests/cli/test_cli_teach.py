@@ -126,6 +126,8 @@ def test_labels_are_taught_after_the_sheet_was_looked_at(random_model, tmp_path)
     said = json.loads(ran.out)
     assert said["model"] == str(out / "mine[1].v2.onnx")
     assert said["before"]["cars"] == said["after"]["cars"] == 5
+    card = json.loads((out / "mine[1].v2.json").read_text())
+    assert card["command"] == "dnb-edge teach --labels right --seed 1 --minutes 14 --iterations 1"
     assert sorted(path.name for path in out.iterdir()) == [
         "contact-sheet.png",
         "mine[1].v2.json",
