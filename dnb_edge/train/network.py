@@ -1,7 +1,8 @@
 """The network: a small U-Net of plain convolutions and ReLU with five heads at a quarter of the input's resolution.
 
 Knows its layers only. Input (n, 6, h, w) float32 in 0..1: blue, green, red, the largest absolute difference from the
-background over the three, and the lean (u, v) as `dnb_edge.detect.lean` codes it; h and w multiples of 16. Outputs, each (n, c, h / 4, w / 4):
+background over the three, and the lean (u, v) as `dnb_edge.detect.lean` codes it; h and w multiples of 16. Outputs, each
+(n, c, h / 4, w / 4):
 
 - `heat` (1): logit that a car's ground point lies in the cell;
 - `offset` (2): from the cell's centre to the ground point, (u, v), in cells;
