@@ -19,7 +19,18 @@ from dnb_edge.train.camera import View, overhead_view
 from dnb_edge.train.clutter import any_mover, any_static
 from dnb_edge.train.effects import Camera, uneven_light
 from dnb_edge.train.floors import laid_texture, photo_crop, procedural_texture
-from dnb_edge.train.render import Body, Light, Picture, blank, darken, draw, flatten, floor_shadows, lay_over
+from dnb_edge.train.render import (
+    Body,
+    Light,
+    Picture,
+    blank,
+    darken,
+    draw,
+    flatten,
+    floor_shadows,
+    lay_over,
+    silhouette,
+)
 from dnb_edge.train.scene import PlacedCar, car_body, exposed, label_of, thing_body
 from dnb_edge.train.stage import random_light
 from dnb_edge.values import BgrImage
@@ -152,15 +163,23 @@ def _stand(picture: Picture, view: View, light: Light, things: tuple[Body, ...])
 
 
 def _things(rng: Rng, view: View, assets: Assets, path_m: FloatArray, clear_m: float) -> tuple[Body, ...]:
-    """Clutter everywhere but on the lane."""
+    """Clutter everywhere but on the lane, and nothing that hides a part of it: what the camera cannot see tells nothing."""
     out: list[Body] = []
+    small = view.cropped(
+        centre_px=((view.width_px - 1) / 2.0, (view.height_px - 1) / 2.0),
+        scale=0.25,
+        size_px=(view.width_px // 4, view.height_px // 4),
+    )
+    lane = np.column_stack([path_m[::6], np.full(len(path_m[::6]), 0.3 * clear_m)])
+    at = np.clip(np.rint(small.project(lane)).astype(int), 0, (small.width_px - 1, small.height_px - 1))
     for _ in range(int(rng.integers(4, 16))):
         place = view.floor_point((float(rng.uniform(0, view.width_px)), float(rng.uniform(0, view.height_px))))
         body = thing_body(rng, any_static, assets)
         reach = float(np.linalg.norm(body.corners_m[:, :, :2], axis=2).max())
         apart = float(np.linalg.norm(path_m - place[:2], axis=1).min())
-        if apart > reach + clear_m and reach < 1.5:
-            out.append(body.moved(float(rng.uniform(0, 2 * math.pi)), (float(place[0]), float(place[1]))))
+        standing = body.moved(float(rng.uniform(0, 2 * math.pi)), (float(place[0]), float(place[1])))
+        if apart > reach + clear_m and reach < 1.5 and not silhouette(standing, small)[at[:, 1], at[:, 0]].any():
+            out.append(standing)
     return tuple(out)
 
 

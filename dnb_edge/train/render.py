@@ -184,6 +184,14 @@ def visible_share(canvas: Canvas, body: Body, view: View) -> float:
     return float(np.count_nonzero(covered & (canvas.depth_m > alone - np.float32(2e-3)))) / whole
 
 
+def silhouette(body: Body, view: View) -> NDArray[np.bool_]:
+    """Where a body alone is seen, shape (h, w); nowhere where it is too near to be drawn."""
+    alone = _silhouette(body.corners_m, view, 1)
+    if alone is None:
+        return np.zeros((view.height_px, view.width_px), dtype=np.bool_)
+    return np.asarray(alone < _FAR_M - 1.0, dtype=np.bool_)
+
+
 def flatten(canvases: Sequence[Canvas], view: View) -> tuple[Picture, NDArray[np.float32]]:
     """Colour (h, w, 3) 0..255, multiplied by alpha, and alpha (h, w) 0..1 at the view's size: the mean of the canvases."""
     size = (view.width_px, view.height_px)
