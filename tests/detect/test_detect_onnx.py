@@ -155,7 +155,7 @@ def test_any_multiple_of_sixteen_goes(height, width):
     maps = load_builtin_model()(np.zeros((height, width, 4), np.uint8))
     shape = (height // 4, width // 4)
     assert (maps.heat.shape, maps.offset.shape, maps.size.shape) == (shape, (2, *shape), shape)
-    assert (maps.heading.shape, maps.spread.shape) == ((2, *shape), shape)
+    assert (maps.heading.shape, maps.spread.shape) == ((4, *shape), shape)
 
 
 @pytest.mark.parametrize("shape", [(150, 160, 4), (160, 160, 3)])
