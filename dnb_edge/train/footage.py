@@ -68,6 +68,10 @@ class FilmedFrame:
     ground_m: tuple[float, float]
     """The same point on the floor, metres."""
     view: View
+    path_m: FloatArray
+    """The lane's middle, closed, shape (n, 2), driven in this order."""
+    lane_m: float
+    """Width of the lane."""
 
     def error_mm(self, camera_px: tuple[float, float]) -> float:
         """Distance on the floor, mm, from the truth to what `camera_px` sees there."""
@@ -85,6 +89,7 @@ class _Set:
     things: tuple[Body, ...]
     path_m: FloatArray
     """Closed, shape (n, 2)."""
+    lane_m: float
     car: Body
     car_length_m: float
 
@@ -112,6 +117,7 @@ def _closed_path(rng: Rng, view: View, car_length_m: float) -> FloatArray | None
 
 
 def _camera(rng: Rng, conditions: Conditions) -> View:
+    # a plain lens: the appliance's map knows no other
     field = math.radians(float(rng.uniform(55.0, 90.0)))
     return overhead_view(
         width_px=FRAME_PX[0],
@@ -120,7 +126,6 @@ def _camera(rng: Rng, conditions: Conditions) -> View:
         pitch_rad=math.radians(float(rng.uniform(35.0, 90.0))),
         field_of_view_rad=field,
         roll_rad=float(rng.normal(0.0, 0.05)),
-        radial=(-0.15 * max(0.0, field - 0.9), 0.0),
     )
 
 
@@ -194,7 +199,8 @@ def _build(rng: Rng, conditions: Conditions, assets: Assets) -> _Set:
     texture = photo_crop(assets.textures, 512, rng) if real else procedural_texture(rng)
     floor = laid_texture(texture, view, rng)
     floor *= cv2.resize(uneven_light(256, rng), FRAME_PX, interpolation=cv2.INTER_CUBIC)[:, :, None]
-    _lane(floor, view, path, length_m * float(rng.uniform(1.0, 1.8)), rng)
+    lane_m = length_m * float(rng.uniform(1.0, 1.8))
+    _lane(floor, view, path, lane_m, rng)
     things = _things(rng, view, assets, path, 0.7 * length_m)
     _stand(floor, view, light, things)
     return _Set(
@@ -203,6 +209,7 @@ def _build(rng: Rng, conditions: Conditions, assets: Assets) -> _Set:
         floor=floor,
         things=things,
         path_m=path,
+        lane_m=lane_m,
         car=car_body(rng, length_m, assets),
         car_length_m=length_m,
     )
@@ -281,4 +288,6 @@ def film(
             heading_rad=math.atan2(float(label[4]), float(label[3])),
             ground_m=ground,
             view=stage.view,
+            path_m=stage.path_m,
+            lane_m=stage.lane_m,
         )
