@@ -1,6 +1,6 @@
 """Figures of a model on held-out footage of our own: whole frames, raced as in earnest, against the exact truth.
 
-Knows the footage's truth, the detector and the core; trains nothing. `python -m dnb_edge.train.held_out` prints one line of JSON.
+Knows the truth of the footage, the detector and the core; trains nothing. `python -m dnb_edge.train.held_out` prints JSON.
 """
 
 from __future__ import annotations
