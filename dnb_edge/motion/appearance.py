@@ -101,6 +101,14 @@ class Appearance:
         """0 where the number agrees or either is not known, else `MARKER_COST`."""
         return 0.0 if marker_id is None or self.marker is None or marker_id == self.marker else MARKER_COST
 
+    def agrees(self, marker_id: int | None) -> bool:
+        """Whether `marker_id` is this car's own number, both being known."""
+        return marker_id is not None and marker_id == self.marker
+
+    def is_another(self, other: Appearance) -> bool:
+        """Whether the looks `other` bear a number that is not this car's: no likeness makes up for that."""
+        return self.marker is not None and other.reads > 0 and other.marker_id != self.marker
+
     def colour_cost(self, colour_bgr: Colour | None) -> float:
         """Squared distance of a colour from this car's, in its spread; 0 where either is not known."""
         if colour_bgr is None or self.colour is None:

@@ -15,7 +15,7 @@ from dnb_edge.motion import kalman
 from dnb_edge.motion.appearance import COLOUR_CAP, HEADING_WEIGHT, MARKER_COST, Sighting, evidence
 from dnb_edge.motion.assignment import assign
 from dnb_edge.motion.doubt import are_near, named
-from dnb_edge.motion.regain import along, regained, taken_for
+from dnb_edge.motion.regain import along, regained, rejoined, taken_for
 from dnb_edge.motion.settings import MOST_CARS, MotionSettings
 from dnb_edge.motion.target import LIVE, Followed, aged, ahead, born, renamed, seen, shared
 from dnb_edge.track.centreline import Centreline
@@ -35,6 +35,11 @@ STILL_MERGED_LENGTHS = 2.0
 
 GHOST_LENGTHS = 0.5
 """Distance from a followed car, in its lengths, within which a newcomer is a second detection of it."""
+
+AGREEING_GATE = 4.0
+"""By how much the gate is wider for a sighting that bears the car's own number: twice as many standard deviations, since the
+number tells who it is and the place need only be believable.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,9 +159,11 @@ class Follower:
                 distance = _distance(targets[i], sighting)
                 # Another's number may mean that the two were confused; a stranger's, that this is a stranger.
                 strange = by_looks[row] >= MARKER_COST and sighting.marker_id not in numbers
-                if distance <= self._settings.gate and not strange:
+                agrees = targets[i].looks.agrees(sighting.marker_id)
+                gate = self._settings.gate * (AGREEING_GATE if agrees else 1.0)
+                if distance <= gate and not strange:
                     costs[row][column] = distance + by_looks[row]
-        miss_cost = self._settings.gate + COLOUR_CAP + 2 * HEADING_WEIGHT + MARKER_COST + 1.0
+        miss_cost = AGREEING_GATE * self._settings.gate + COLOUR_CAP + 2 * HEADING_WEIGHT + MARKER_COST + 1.0
         return {cars[row]: free[column] for row, column in assign(costs, miss_cost).items()}
 
     def _observed(
@@ -191,10 +198,22 @@ class Follower:
         self._missing = [car for car in (*self._missing, *lost) if self._is_awaited(car, t_ns)]
         order = sorted(range(len(settled)), key=lambda i: (-settled[i].travel_m, settled[i].target_id))
         for i in order:
+            if settled[i].state is TargetState.TENTATIVE:
+                self._rejoin(settled, i)
+        for i in order:
             cars = [target for target in settled if target.state in LIVE]
             if len(cars) < self._settings.cars and settled[i].state is TargetState.TENTATIVE:
                 settled[i] = self._confirmed(settled[i], cars)
         return settled
+
+    def _rejoin(self, settled: list[Followed], i: int) -> None:
+        """Where newcomer `i` bears the number of a car that is out of sight but not yet lost, it is that car."""
+        for k, car in enumerate(settled):
+            if car.state in LIVE and car.looks.agrees(settled[i].looks.marker):
+                found = rejoined(settled[i], car)
+                if found is not None:
+                    settled[k], settled[i] = found, replace(settled[i], state=TargetState.LOST)
+                return
 
     def _is_awaited(self, car: Followed, t_ns: int) -> bool:
         """Several cars are remembered for good, since whoever comes back is one of them; one for as long as it is awaited."""
@@ -204,11 +223,17 @@ class Follower:
         """The newcomer as the car that it is, confirmed; itself where that is too early to say."""
         if any(_ghost(car, car.last, newcomer.last) for car in cars if car.last.t_ns == newcomer.last.t_ns):
             return newcomer
+        number = newcomer.looks.marker_id if newcomer.looks.reads > 0 else None
+        if any(car.looks.agrees(number) for car in cars):
+            # It is that car, or a ghost of it, and never another.
+            return newcomer
         car = regained(self._route, newcomer, self._missing, self._settings)
         if car is None and not self._earned(newcomer):
             return newcomer
         if car is None and self._settings.cars > 1 and len(cars) + len(self._missing) >= self._settings.cars:
             car = taken_for(self._route, newcomer, self._missing)
+            if car is None:
+                return newcomer
         if car is None:
             return replace(newcomer, state=TargetState.CONFIRMED)
         self._missing = [other for other in self._missing if other is not car]

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dnb_edge.motion.doubt import MARGIN
 from dnb_edge.motion.settings import MotionSettings
-from dnb_edge.motion.target import Followed
+from dnb_edge.motion.target import Followed, renamed
 from dnb_edge.track.centreline import Centreline
-from dnb_edge.values import PointM
+from dnb_edge.values import PointM, TargetState
 
 OBSERVATIONS = 3
 """Observations that a newcomer needs to be taken for a missing car; its place has already been told."""
@@ -82,23 +82,35 @@ def regained(
         # What stood there before the car was lost is something else.
         and newcomer.first.t_ns > car.last.t_ns
         and is_in_reach(route, car, newcomer.last.track_m, t_ns)
+        and not car.looks.is_another(newcomer.looks)
         and car.looks.misfit(newcomer.looks) < OTHER_LOOKS
     ]
     return awaited[0] if len(awaited) == 1 else _by_looks(newcomer, awaited)
 
 
-def taken_for(route: Centreline | None, newcomer: Followed, missing: Sequence[Followed]) -> Followed:
+def taken_for(route: Centreline | None, newcomer: Followed, missing: Sequence[Followed]) -> Followed | None:
     """The missing car that a newcomer is taken for when it can be no new one: by its looks, else the nearest along the route.
 
-    `missing` must not be empty.
+    None where it bears a number that none of them can have: it is a stranger.
     """
-    chosen = _by_looks(newcomer, missing)
-    if chosen is not None:
+    possible = [car for car in missing if not car.looks.is_another(newcomer.looks)]
+    chosen = _by_looks(newcomer, possible)
+    if chosen is not None or not possible:
         return chosen
     if route is None:
-        return max(missing, key=lambda car: (car.last.t_ns, -car.target_id))
+        return max(possible, key=lambda car: (car.last.t_ns, -car.target_id))
     here_m, _ = _located(route, newcomer.last.track_m)
-    return min(missing, key=lambda car: (_away_m(route, car, here_m, newcomer.last.t_ns), car.target_id))
+    return min(possible, key=lambda car: (_away_m(route, car, here_m, newcomer.last.t_ns), car.target_id))
+
+
+def rejoined(newcomer: Followed, car: Followed) -> Followed | None:
+    """The unseen but not yet lost `car` where the newcomer, which bears its number, is; None while that is not sure."""
+    if newcomer.looks.marker != car.looks.marker or car.last.t_ns >= newcomer.last.t_ns:
+        return None
+    found = renamed(newcomer, car.target_id, car.looks)
+    # What both saw at one stamp is told once.
+    later = (observation for observation in found.pending if observation.t_ns > car.last.t_ns)
+    return replace(found, state=TargetState.CONFIRMED, doubt=car.doubt, pending=(*car.pending, *later))
 
 
 def _by_looks(newcomer: Followed, cars: Sequence[Followed]) -> Followed | None:
