@@ -41,6 +41,11 @@ _SIGMA_BENT = 0.01
 """What a marker's corners are worth, measured on rendered frames: at best, as a share of the side, and without confidence; and
 what a side of the marker further on is wrong by, as a share of it."""
 
+_PLACE_SIGMA_LEAST_PX = 0.5
+"""Least sigma of a car's place: blur of motion, a rolling shutter, a roof that tilts and a shaking camera move all four
+corners alike, which the corners themselves cannot show; a gate that believed them to a tenth of a pixel would drop good reads.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerSettings:
@@ -178,10 +183,11 @@ class MarkerDetector:
         u, v = (_crossing_of_diagonals(corners) - sides_ahead * up).tolist()
         side_px = max(float(np.hypot(*up)), float(np.hypot(*right)))
         corner_sigma = corner_sigma_px(corners, reading.confidence)
+        # The centre is the mean of four corners; `up` is the difference of two means of two, and perspective bends it.
+        sigma_px = math.sqrt(corner_sigma**2 * (0.25 + sides_ahead**2) + (_SIGMA_BENT * sides_ahead * side_px) ** 2)
         return Detection(
             camera_px=(u, v),
-            # The centre is the mean of four corners; `up` is the difference of two means of two, and perspective bends it.
-            sigma_px=math.sqrt(corner_sigma**2 * (0.25 + sides_ahead**2) + (_SIGMA_BENT * sides_ahead * side_px) ** 2),
+            sigma_px=math.hypot(_PLACE_SIGMA_LEAST_PX, sigma_px),
             length_px=side_px * settings.car_length_m / settings.marker_size_m,
             confidence=reading.confidence,
             heading_rad=math.atan2(-up[1], up[0]),

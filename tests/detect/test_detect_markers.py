@@ -121,13 +121,13 @@ def test_small_steep_and_blurred_markers_are_read_in_windows(
 
 
 def test_blur_costs_confidence_and_widens_the_sigma() -> None:
-    """A smeared marker is told as less sure, in confidence and in place."""
+    """A smeared marker is less sure, in confidence and in place; a sharp one is not believed to a tenth of a pixel."""
     sharp, smeared = (
         look(picture_of(((1.5, 1.0), 0.3, Roof()), blur_px=blur_px), windows=[window((1.5, 1.0))])[0]
         for blur_px in (0.0, 6.0)
     )
     assert sharp.confidence > 0.97 > smeared.confidence
-    assert smeared.sigma_px > 1.5 * sharp.sigma_px
+    assert smeared.sigma_px > sharp.sigma_px >= 0.5
 
 
 def test_two_cars_are_told_apart() -> None:
