@@ -11,6 +11,7 @@ camera's place. Seen from straight above, every f fits: the height must then be 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,16 +75,18 @@ def find_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPose
 
 
 def likely_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPose | None:
-    """`find_pose`, or where that cannot tell, the pose of a lens as most webcams have it; None where that fits no floor either.
+    """`find_pose`, or where the height is wrong, the keypoints' own pose, or where neither tells, that of a lens as most
+    webcams have it; None where that fits no floor either.
 
     Good enough for what hardly depends on the lens, such as which way things lean; not for placing what is above the floor.
     """
-    try:
-        return find_pose(ground, height_m=height_m)
-    except InputError:
-        focal_px = 0.5 * ground.width_px / math.tan(math.radians(0.5 * _USUAL_FIELD_DEG))
-        pose = _pose(_floor_to_centred_px(ground), focal_px)
-        return pose if pose.position_m[2] > 0 else None
+    # A height measured wrongly must not cost what the keypoints tell without it.
+    for known_m in (None,) if height_m is None else (height_m, None):
+        with suppress(InputError):
+            return find_pose(ground, height_m=known_m)
+    focal_px = 0.5 * ground.width_px / math.tan(math.radians(0.5 * _USUAL_FIELD_DEG))
+    pose = _pose(_floor_to_centred_px(ground), focal_px)
+    return pose if pose.position_m[2] > 0 else None
 
 
 def with_camera(ground: GroundMap, *, height_m: float | None = None, tallest_m: float = 0.0) -> GroundMap:

@@ -13,7 +13,7 @@ from dnb_edge.values import Points
 from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.homography import fit_ground_map
 from dnb_edge.view.keypoints import KeypointPairs
-from dnb_edge.view.pose import find_pose, with_camera
+from dnb_edge.view.pose import find_pose, likely_pose, with_camera
 
 SCALE = TwinScale(metres_per_px=0.002, height_px=1200)
 HEIGHTS_M = (1.5, 2.15, 3.0, 4.0)
@@ -180,3 +180,13 @@ def test_the_cameras_place_survives_its_stored_form() -> None:
     stored = known.to_dict()
     del stored["camera_m"]
     assert GroundMap.from_dict(stored) == replace(known, camera_m=None)
+
+
+def test_a_wrong_height_does_not_cost_what_the_keypoints_tell() -> None:
+    """With a height that contradicts the keypoints the likely pose is the keypoints' own, not that of a usual lens."""
+    seen = ground(camera(2.15, 45.0))
+    with pytest.raises(InputError, match="measure again"):
+        find_pose(seen, height_m=1.0)
+    assert likely_pose(seen, height_m=1.0) == find_pose(seen)
+    steep = ground(camera(2.15, 90.0))
+    assert likely_pose(steep, height_m=0.01) is not None
