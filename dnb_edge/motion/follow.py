@@ -41,6 +41,12 @@ AGREEING_GATE = 4.0
 number tells who it is and the place need only be believable.
 """
 
+LIKE_SIZE = (0.4, 2.5)
+"""Length of a newcomer as a share of a followed car's, between which it may be a car of the same race."""
+
+CAR_LENGTHS_M = (0.04, 1.0)
+"""Lengths that cars have which race beside another one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
@@ -227,6 +233,8 @@ class Follower:
         if any(car.looks.agrees(number) for car in cars):
             # It is that car, or a ghost of it, and never another.
             return newcomer
+        if cars and not _of_like_size(newcomer, cars):
+            return newcomer
         car = regained(self._route, newcomer, self._missing, self._settings)
         if car is None and not self._earned(newcomer):
             return newcomer
@@ -245,6 +253,20 @@ class Follower:
             target.observations >= self._settings.confirm_observations
             and target.travel_m >= self._settings.confirm_travel_m
         )
+
+
+def _of_like_size(newcomer: Followed, cars: Sequence[Followed]) -> bool:
+    """Whether the newcomer is as long, on the floor, as a car of one race with `cars`: people's feet are not.
+
+    Its latest box must be as long as it usually is too: one round more than it has not moved it.
+    """
+    length_px, (least, most) = newcomer.typical_length_px, LIKE_SIZE
+    length_m = length_px * newcomer.length_m / newcomer.length_px
+    return (
+        CAR_LENGTHS_M[0] <= length_m <= CAR_LENGTHS_M[1]
+        and least * length_px <= newcomer.last.length_px <= most * length_px
+        and any(least * car.length_m <= length_m <= most * car.length_m for car in cars)
+    )
 
 
 def _distance(target: Followed, sighting: Sighting) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from statistics import median
 
 from dnb_edge.motion import kalman
 from dnb_edge.motion.appearance import UNKNOWN, Appearance, Sighting
@@ -81,6 +82,11 @@ class Followed:
     def travel_m(self) -> float:
         """Distance from the first to the latest observation."""
         return math.dist(self.first.track_m, self.last.track_m)
+
+    @property
+    def typical_length_px(self) -> float:
+        """Median apparent length over all that waits to be told: a few boxes round more than it count for nothing."""
+        return median(one.length_px for one in self.pending) if self.pending else self.length_px
 
     def is_parked(self, settings: MotionSettings) -> bool:
         """Whether it looks like a car, has been there for a while and has never moved."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,6 +123,45 @@ def test_a_target_that_strays_from_the_lane_is_given_up() -> None:
     for k in range(120):
         follower.step(k * FRAME_NS, [seen(k, k / 30, on_lane=k < 20)])
     assert follower.followed == ()
+
+
+@pytest.mark.parametrize(
+    ("lengths_m", "cars", "followed"),
+    [
+        ((0.2, 0.2), 2, 2),
+        ((0.2, 0.09), 2, 2),
+        ((0.2, 0.07), 2, 1),
+        ((0.2, 0.45), 2, 2),
+        ((0.2, 0.55), 2, 1),
+        ((0.08, 0.035), 2, 1),
+        ((0.6, 1.1), 2, 1),
+        ((0.01,), 2, 1),
+        ((3.0,), 1, 1),
+    ],
+)
+def test_the_cars_of_a_race_are_of_like_size(lengths_m: tuple[float, ...], cars: int, followed: int) -> None:
+    """What moves beside a followed car is a second one only where it is about as long; a first one may have any length."""
+    follower = Follower(MotionSettings(cars=cars))
+    for k in range(40):
+        sightings = [
+            replace(seen(k, (1.0 - 0.1 * i) * k / 30, float(i)), length_m=length_m)
+            for i, length_m in enumerate(lengths_m)
+        ]
+        follower.step(k * FRAME_NS, sightings)
+    assert sum(target.state is TargetState.CONFIRMED for target in follower.followed) == followed
+
+
+def test_a_box_round_more_than_it_does_not_confirm_what_stands_still() -> None:
+    """Beside a followed car, one box four times as long and a hand's breadth off makes no second car of a chair."""
+    follower = Follower(MotionSettings(cars=2))
+    for k in range(60):
+        chair = seen(k, 1.0, 1.0)
+        if k == 30:
+            wide = replace(chair.observation, length_px=160.0, track_m=(1.1, 1.0), covariance_m2=(1e-3, 0.0, 1e-3))
+            chair = replace(chair, observation=wide, length_m=0.8)
+        follower.step(k * FRAME_NS, [seen(k, k / 30), chair])
+        states = [target.state for target in follower.followed]
+        assert states.count(TargetState.CONFIRMED) == (k >= 3)
 
 
 @given(speed=st.floats(-3, 3), heading=st.floats(0, 6.28), step_ms=st.integers(5, 100))
