@@ -86,8 +86,10 @@ class PictureJudge:
 
     @property
     def shows_something(self) -> bool:
-        """False where a car in the latest picture would be a phantom."""
-        return self._fault is None and self._verdict is None
+        """False where a car in the latest picture would be a phantom. By the latest look alone: a picture that is good again
+        is worth searching at once, while `fault` waits until that has lasted.
+        """
+        return self._verdict is None
 
     @property
     def lasted_s(self) -> dict[PictureFault, float]:

@@ -116,6 +116,15 @@ def test_a_fault_is_told_once_counted_and_taken_back(scene: BgrImage) -> None:
     assert judge.lasted_s == {PictureFault.BLACK: pytest.approx((gone - told) * FRAME_NS * 1e-9)}
 
 
+def test_cars_are_looked_for_at_the_first_good_look_after_a_fault(scene: BgrImage) -> None:
+    """After two black seconds the first look at a good picture lets the search resume, before the fault is taken back."""
+    judge = PictureJudge(live=True)
+    verdicts(judge, [flat(3.0)] * 60)
+    assert (judge.fault, judge.shows_something) == (PictureFault.BLACK, False)
+    verdicts(judge, [noisy(scene)] * 6, start=60)
+    assert (judge.fault, judge.shows_something) == (PictureFault.BLACK, True)
+
+
 def test_a_picture_at_the_limit_does_not_flicker() -> None:
     """What is black stays black until it is clearly brighter."""
     judge = PictureJudge(live=True)
