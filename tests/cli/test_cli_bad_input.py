@@ -125,7 +125,12 @@ CASES = {
         words=("--model", "m.onnx"), spoil=model(bytearray.clear, honest_card=True), names=("m.onnx", "cannot load")
     ),
     "model without its card": Case(
-        words=("--model", "m.onnx"), spoil=write("m.onnx", b"model"), names=("m.json", "card")
+        words=("--model", "m.onnx"),
+        spoil=write("m.onnx", default_model_path().read_bytes()),
+        names=("m.onnx", "m.json", "card"),
+    ),
+    "model without its card that is none": Case(
+        words=("--model", "m.onnx"), spoil=write("m.onnx", b"model"), names=("m.onnx", "cannot load")
     ),
     "configuration missing": Case(words=("--config", "gone.yaml"), names=("gone.yaml", "No such file")),
     "configuration is no YAML": Case(spoil=write("demo.yaml", b"a: [1\nb: 2\n"), names=("demo.yaml, line 2", "YAML")),

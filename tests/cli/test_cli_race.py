@@ -81,7 +81,14 @@ def test_a_run_prints_json_only_and_its_summary_last(watched: Ran) -> None:
     assert {event["event"] for event in watched.events} == {"observation", "crossing", "health", "run"}
     assert [event["event"] for event in watched.events].count("run") == 1
     end = watched.events[-1]
-    assert end == {"event": "run", "frames": CLIP_FRAMES, "detected_frames": CLIP_FRAMES, "laps": 0, "recording": None}
+    assert end == {
+        "event": "run",
+        "frames": CLIP_FRAMES,
+        "detected_frames": CLIP_FRAMES,
+        "laps": 0,
+        "recording": None,
+        "bad_pictures": [],
+    }
     (health,) = [health for health in watched.of("health") if health["t_s"] == pytest.approx(1.0)]
     assert (health["fps"], health["display"], health["recording"]) == (pytest.approx(30.0), "none", "none")
 
