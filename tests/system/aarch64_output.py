@@ -133,21 +133,21 @@ def compare(here: Path, there: Path) -> dict[str, float | int]:
 
 def guest(root: Path, processor: str, model: Path, inputs: Path) -> Path:
     """What the emulated processor answers; the file with it."""
-    work = root / "work"
+    work = root / "compare"
     shutil.rmtree(work, ignore_errors=True)
     shutil.rmtree(root / SITE / "dnb_edge", ignore_errors=True)
     shutil.copytree(REPOSITORY / "dnb_edge", root / SITE / "dnb_edge", ignore=shutil.ignore_patterns("__pycache__"))
     work.mkdir()
     for file in (HERE, model, model.with_suffix(".json"), inputs):
         shutil.copy(file, work)
-    words = ["chroot", str(root), f"/usr/bin/{QEMU.name}", f"/usr/bin/python{PYTHON}", f"/work/{HERE.name}"]
+    words = ["chroot", str(root), f"/usr/bin/{QEMU.name}", f"/usr/bin/python{PYTHON}", f"/compare/{HERE.name}"]
     environment = {
         "PYTHONPATH": f"/{SITE}",
         "QEMU_CPU": processor,
         "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
         "HOME": "/",
     }
-    words += ["--model", f"/work/{model.name}", "--answer", f"/work/{inputs.name}", "/work/there.npz"]
+    words += ["--model", f"/compare/{model.name}", "--answer", f"/compare/{inputs.name}", "/compare/there.npz"]
     # ONNX Runtime complains on stderr that there is no /sys to read the processor from; it then asks the kernel
     done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
