@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dnb_edge.detect.background import difference
 from dnb_edge.detect.lean import UNKNOWN, lean_bytes
 from dnb_edge.train.scene import SCENE_PX
 from dnb_edge.values import BgrImage
@@ -39,11 +40,6 @@ class Batch:
 
     inputs: NDArray[np.uint8]
     targets: NDArray[np.float32]
-
-
-def difference(image: BgrImage, background: BgrImage) -> NDArray[np.uint8]:
-    """Largest absolute difference over the colours, (h, w) uint8."""
-    return np.asarray(cv2.absdiff(image, background).max(axis=2), dtype=np.uint8)
 
 
 def _window_transform(labels: FloatImage, rng: Rng, about_px: tuple[float, float] | None = None) -> NDArray[np.float64]:

@@ -73,11 +73,6 @@ class FilmedFrame:
     lane_m: float
     """Width of the lane."""
 
-    def error_mm(self, camera_px: tuple[float, float]) -> float:
-        """Distance on the floor, mm, from the truth to what `camera_px` sees there."""
-        seen = self.view.floor_point(camera_px)
-        return 1e3 * math.dist((float(seen[0]), float(seen[1])), self.ground_m)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Set:

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dnb_edge.train.batches import difference
+from dnb_edge.detect.background import difference
 from dnb_edge.train.network import INPUT_CHANNELS, CentreNet, to_input
 from dnb_edge.train.scene import SCENE_PX
 

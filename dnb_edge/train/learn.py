@@ -160,6 +160,23 @@ LOSS_WEIGHTS = {"heat": 1.0, "offset": 1.0, "size": 0.5, "axis": 0.3, "nose": 0.
 """Weight of each part of the loss."""
 
 
+def answers(network: CentreNet, inputs: NDArray[np.uint8]) -> tuple[Tensor, ...]:
+    """The network's outputs, float32, for inputs (n, h, w, 6) uint8; computed in bfloat16, with gradients."""
+    pixels = to_input(torch.from_numpy(inputs)).contiguous(memory_format=torch.channels_last)
+    with torch.autocast("cpu", torch.bfloat16):
+        outputs = network(pixels)
+    return tuple(output.float() for output in outputs)
+
+
+def descend(network: CentreNet, optimiser: torch.optim.Optimizer, parts: dict[str, Tensor]) -> None:
+    """One step down the weighted sum of the loss's parts, its gradient's length limited."""
+    total = torch.stack([LOSS_WEIGHTS[name] * part for name, part in parts.items()]).sum()
+    optimiser.zero_grad(set_to_none=True)
+    total.backward()
+    torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+    optimiser.step()
+
+
 def _rate(schedule: Schedule, step: int) -> float:
     if step < schedule.warm_up:
         return schedule.peak_rate * (step + 1) / schedule.warm_up
@@ -257,15 +274,8 @@ def train(
             coming = ahead.submit(batch_for, step + 1)
             for group in optimiser.param_groups:
                 group["lr"] = _rate(schedule, step)
-            inputs = to_input(torch.from_numpy(batch.inputs)).contiguous(memory_format=torch.channels_last)
-            with torch.autocast("cpu", torch.bfloat16):
-                outputs = network(inputs)
-            parts = losses(tuple(output.float() for output in outputs), torch.from_numpy(batch.targets))
-            total = torch.stack([LOSS_WEIGHTS[name] * part for name, part in parts.items()]).sum()
-            optimiser.zero_grad(set_to_none=True)
-            total.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-            optimiser.step()
+            parts = losses(answers(network, batch.inputs), torch.from_numpy(batch.targets))
+            descend(network, optimiser, parts)
             _update_mean(mean, network, min(schedule.ema, (step + 1) / (step + 10)))
             for name, part in parts.items():
                 seen[name] = 0.98 * seen.get(name, float(part.detach())) + 0.02 * float(part.detach())

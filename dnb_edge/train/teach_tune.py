@@ -22,7 +22,7 @@ from dnb_edge.detect.centre import CentreDetectorSettings
 from dnb_edge.detect.decode import peaks
 from dnb_edge.detect.looks import Look, look_pixels, whole_look
 from dnb_edge.detect.onnx import CentreMaps
-from dnb_edge.train.learn import LOSS_WEIGHTS, losses
+from dnb_edge.train.learn import answers, descend, losses
 from dnb_edge.train.network import INPUT_CHANNELS, CentreNet, to_input
 from dnb_edge.train.teach_labels import LabelledPicture, evenly
 from dnb_edge.train.teach_windows import HardPlace, WindowMaker, with_unknown_lean
@@ -160,16 +160,8 @@ def _train_mode(network: CentreNet) -> None:
 def _step(
     network: CentreNet, optimiser: torch.optim.Optimizer, inputs: NDArray[np.uint8], targets: NDArray[np.float32]
 ) -> None:
-    pixels = to_input(torch.from_numpy(inputs)).contiguous(memory_format=torch.channels_last)
-    with torch.autocast("cpu", torch.bfloat16):
-        outputs = network(pixels)
-    answers = tuple(output.float() for output in outputs)
-    parts = losses(answers, _with_unknown_headings(torch.from_numpy(targets), answers[3]))
-    total = torch.stack([LOSS_WEIGHTS[name] * part for name, part in parts.items()]).sum()
-    optimiser.zero_grad(set_to_none=True)
-    total.backward()
-    nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-    optimiser.step()
+    outputs = answers(network, inputs)
+    descend(network, optimiser, losses(outputs, _with_unknown_headings(torch.from_numpy(targets), outputs[3])))
 
 
 def _with_unknown_headings(targets: Tensor, heading: Tensor) -> Tensor:

@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dnb_edge.detect.background import difference
 from dnb_edge.detect.centre import CentreDetectorSettings
 from dnb_edge.detect.lean import UNKNOWN, LeanField, lean_bytes
-from dnb_edge.train.batches import WINDOW_PX, Batch, difference, make_window, moved_labels, targets_for
+from dnb_edge.train.batches import WINDOW_PX, Batch, make_window, moved_labels, targets_for
 from dnb_edge.train.scene import LABEL_FIELDS, SCENE_PX, Sample, make_sample
 from dnb_edge.train.teach_labels import LabelledPicture
 from dnb_edge.values import BgrImage, PointPx
