@@ -55,3 +55,16 @@ def test_wrong_numbers_are_refused():
     run = importlib.import_module("dnb_edge.train.__main__").run
     with pytest.raises(InputError, match="at least 1"):
         run(["--out", "unused", "--iterations", "0"])
+
+
+def test_scaling_the_sigmas_moves_nothing_else():
+    """Three times the sigma adds log 3 to the spread everywhere and leaves every other output as it was."""
+    networks = importlib.import_module("dnb_edge.train.network")
+    network = networks.CentreNet().eval()
+    pixels = torch.rand(1, networks.INPUT_CHANNELS, 64, 64)
+    with torch.no_grad():
+        *before, spread = network(pixels)
+        networks.scale_sigma(network, 3.0)
+        *after, wider = network(pixels)
+    assert torch.allclose(wider - spread, torch.tensor(3.0).log(), atol=1e-5)
+    assert all(torch.equal(one, other) for one, other in zip(before, after, strict=True))
