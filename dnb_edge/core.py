@@ -187,15 +187,17 @@ class Core:
 
     def _sighting(self, detection: Detection, t_ns: int, t_s: float) -> Sighting | None:
         """The detection on the track plane; None at or beyond the horizon."""
-        track_m = self._setup.ground.point_to_track_m(detection.camera_px)
+        ground, height_m = self._setup.ground, detection.height_m
+        track_m = ground.point_below_m(detection.camera_px, height_m)
         if track_m is None:
             return None
-        jacobian = self._setup.ground.jacobian(detection.camera_px)
+        below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else detection.camera_px
+        jacobian = ground.jacobian(detection.camera_px) * ground.share_at(height_m)
         covariance = jacobian @ jacobian.T * detection.sigma_px**2
         observation = Observation(
             t_ns=t_ns,
             t_s=t_s,
-            camera_px=detection.camera_px,
+            camera_px=below_px if below_px is not None else detection.camera_px,
             track_m=track_m,
             covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
             confidence=detection.confidence,

@@ -1,7 +1,8 @@
-"""Camera pixels to metres on the track plane and back: the homography as the core uses it, on every frame.
+"""Camera pixels to metres on the track plane and back: the map as the core uses it, on every frame.
 
-Knows one 3x3 matrix, the twin's scale, the size of frame that both are valid for and, where `pose` has found it, the
-camera's place. Knows no keypoints (see `homography`) and no lens. Plain floats for single points, numpy for many.
+Knows one 3x3 matrix, the twin's scale, the size of frame that both are valid for and, where they are known, the lens and the
+camera's place. With a lens the matrix takes its ideal px, without one camera px are ideal themselves. Knows no keypoints (see
+`homography`). Plain floats for single points, numpy for many.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dnb_edge import wire
 from dnb_edge.errors import InputError
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import PointM, PointPx, Points
+from dnb_edge.view.lens import Lens
 
 Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """A 3x3 matrix, row by row."""
@@ -27,12 +29,14 @@ class GroundMap:
     """The plane-to-plane map between a picture of `width_px` x `height_px` and the track plane."""
 
     camera_to_twin: Matrix3
-    """Homography, camera px -> twin px, of such a sign that the third coordinate is positive on the floor."""
+    """Homography, ideal px -> twin px, of such a sign that the third coordinate is positive on the floor."""
     scale: TwinScale
     width_px: int
     height_px: int
     camera_m: tuple[float, float, float] | None = None
     """The optical centre: x and y as track m, z metres above the floor; None where nothing above the floor is looked at."""
+    lens: Lens | None = None
+    """The camera's lens, for the same size of frame; None where none is known: camera px are taken as ideal px."""
 
     def __post_init__(self) -> None:
         """Raises `InputError` where the matrix is not finite or not invertible, or the frame is empty."""
@@ -42,10 +46,15 @@ class GroundMap:
             raise InputError(f"ground map: the frame size {self.width_px}x{self.height_px} is not a picture's")
         if self.camera_m is not None and not (all(map(math.isfinite, self.camera_m)) and self.camera_m[2] > 0):
             raise InputError(f"ground map: a camera at {self.camera_m} m is not above the floor: calibrate again")
+        if self.lens is not None and (self.lens.width_px, self.lens.height_px) != (self.width_px, self.height_px):
+            raise InputError(
+                f"ground map: its lens is for pictures of {self.lens.width_px}x{self.lens.height_px}, not of "
+                f"{self.width_px}x{self.height_px}: calibrate again"
+            )
 
     def point_to_track_m(self, camera_px: PointPx) -> PointM | None:
         """The floor point, track m, seen at one camera px; None at or beyond the horizon."""
-        u, v = camera_px
+        u, v = self._ideal_px(camera_px)
         a, b, c, d, e, f, g, h, i = self.camera_to_twin
         w = g * u + h * v + i
         if w <= 0:
@@ -91,31 +100,49 @@ class GroundMap:
         w = g * u + h * v + i
         if w <= 0:
             return None
-        return (a * u + b * v + c) / w, (d * u + e * v + f) / w
+        ideal_px = (a * u + b * v + c) / w, (d * u + e * v + f) / w
+        if self.lens is None:
+            return ideal_px
+        ((u, v),) = self.lens.to_camera_px(np.array([ideal_px])).tolist()
+        return u, v
 
     def sees_ground(self, camera_px: Points) -> NDArray[np.bool_]:
         """Which of the camera px (n, 2) lie below the horizon, shape (n,)."""
-        return np.asarray(_apply(self.camera_to_twin, camera_px)[:, 2] > 0)
+        return np.asarray(_apply(self.camera_to_twin, self.to_ideal_px(camera_px))[:, 2] > 0)
+
+    def to_ideal_px(self, camera_px: Points) -> Points:
+        """Camera px (n, 2) as the ideal px (n, 2) of a camera whose lens bends nothing."""
+        points = np.asarray(camera_px, dtype=np.float64).reshape(-1, 2)
+        return points if self.lens is None else self.lens.to_ideal_px(points)
 
     def to_track_m(self, camera_px: Points) -> Points:
         """Camera px (n, 2) as track m (n, 2). Raises `ValueError` for a point beyond the horizon: see `sees_ground`."""
-        return self.scale.to_track_m(_divide(_apply(self.camera_to_twin, camera_px), "camera px beyond the horizon"))
+        homogeneous = _apply(self.camera_to_twin, self.to_ideal_px(camera_px))
+        return self.scale.to_track_m(_divide(homogeneous, "camera px beyond the horizon"))
 
     def to_camera_px(self, track_m: Points) -> Points:
         """Track m (n, 2) as camera px (n, 2). Raises `ValueError` for a point behind the camera."""
         twin_px = self.scale.to_twin_px(track_m)
-        return _divide(_apply(_inverse(self.camera_to_twin), twin_px), "track m behind the camera")
+        ideal_px = _divide(_apply(_inverse(self.camera_to_twin), twin_px), "track m behind the camera")
+        return ideal_px if self.lens is None else self.lens.to_camera_px(ideal_px)
 
     def jacobian(self, camera_px: PointPx) -> NDArray[np.float64]:
         """d(track m)/d(camera px), shape (2, 2), at one camera px below the horizon; raises `ValueError` beyond it."""
-        u, v = camera_px
+        u, v = self._ideal_px(camera_px)
         a, b, c, d, e, f, g, h, i = self.camera_to_twin
         w = g * u + h * v + i
         if w <= 0:
             raise ValueError(f"camera px {camera_px} beyond the horizon")
         x, y = (a * u + b * v + c) / w, (d * u + e * v + f) / w
         step = self.scale.metres_per_px / w
-        return np.array([[(a - x * g) * step, (b - x * h) * step], [-(d - y * g) * step, -(e - y * h) * step]])
+        flat = np.array([[(a - x * g) * step, (b - x * h) * step], [-(d - y * g) * step, -(e - y * h) * step]])
+        return flat if self.lens is None else np.asarray(flat @ _bend(self.lens, camera_px))
+
+    def _ideal_px(self, camera_px: PointPx) -> PointPx:
+        if self.lens is None:
+            return camera_px
+        ((u, v),) = self.lens.to_ideal_px(np.array([camera_px])).tolist()
+        return u, v
 
     def scaled_to(self, width_px: int, height_px: int) -> Self:
         """The same map for frames of another size and the same aspect. Raises `InputError` for another aspect."""
@@ -127,7 +154,8 @@ class GroundMap:
         across, down = self.width_px / width_px, self.height_px / height_px
         a, b, c, d, e, f, g, h, i = self.camera_to_twin
         matrix = (a * across, b * down, c, d * across, e * down, f, g * across, h * down, i)
-        return replace(self, camera_to_twin=matrix, width_px=width_px, height_px=height_px)
+        lens = None if self.lens is None else self.lens.scaled_to(width_px, height_px)
+        return replace(self, camera_to_twin=matrix, lens=lens, width_px=width_px, height_px=height_px)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `from_dict` gives back an equal map, bit for bit."""
@@ -140,6 +168,13 @@ class GroundMap:
             return wire.from_dict(cls, data)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"ground map: {error!r} in its stored form: calibrate again") from error
+
+
+def _bend(lens: Lens, camera_px: PointPx) -> NDArray[np.float64]:
+    """d(ideal px)/d(camera px), shape (2, 2), at one camera px, by central differences."""
+    steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+    right, left, down, up = lens.to_ideal_px(np.array(camera_px) + steps)
+    return np.column_stack((right - left, down - up))
 
 
 def _apply(matrix: Matrix3, points: Points) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import Points
 from dnb_edge.view.ground import GroundMap, Matrix3
 from dnb_edge.view.keypoints import KeypointPairs
+from dnb_edge.view.lens import Lens
 
 _FEWEST = 4
 
@@ -79,7 +80,9 @@ def fit_homography(pairs: KeypointPairs) -> Matrix3:
     return a, b, c, d, e, f, g, h, i
 
 
-def fit_ground_map(pairs: KeypointPairs, scale: TwinScale, *, width_px: int, height_px: int) -> GroundMap:
+def fit_ground_map(
+    pairs: KeypointPairs, scale: TwinScale, *, width_px: int, height_px: int, lens: Lens | None = None
+) -> GroundMap:
     """The ground map of pairs clicked on a picture of the given size. Raises `InputError` as `fit_homography` does."""
     outside = [
         name
@@ -91,7 +94,16 @@ def fit_ground_map(pairs: KeypointPairs, scale: TwinScale, *, width_px: int, hei
             f"{pairs.source}: camera keypoints {', '.join(outside)} lie outside the picture of {width_px}x{height_px} "
             "px: give the size of the picture on which they were clicked (image_size)"
         )
-    return GroundMap(camera_to_twin=fit_homography(pairs), scale=scale, width_px=width_px, height_px=height_px)
+    lens = None if lens is None else lens.scaled_to(width_px, height_px)
+    matrix = fit_homography(ideal_pairs(pairs, lens))
+    return GroundMap(camera_to_twin=matrix, scale=scale, width_px=width_px, height_px=height_px, lens=lens)
+
+
+def ideal_pairs(pairs: KeypointPairs, lens: Lens | None) -> KeypointPairs:
+    """The same pairs with ideal px in place of camera px, for a lens of the size of picture on which they were clicked."""
+    if lens is None:
+        return pairs
+    return replace(pairs, camera_px=tuple((u, v) for u, v in lens.to_ideal_px(pairs.camera_array()).tolist()))
 
 
 def calibration_error(pairs: KeypointPairs, *, metres_per_px: float | None = None) -> CalibrationError:

@@ -1,11 +1,12 @@
 """Where the camera stands, from the floor's homography: what places a thing above the floor on the floor below it.
 
-Assumes square pixels and the optical centre in the middle of the picture; a lens that bends lines is not known here. Knows
-one ground map and, where it is given, the camera's measured height. Knows no keypoints and no car. Pure geometry.
+With a calibrated lens its focal lengths and optical centre are used; without one, square pixels and an optical centre in the
+middle of the picture are assumed. Knows one ground map and, where it is given, the camera's measured height. Knows no
+keypoints and no car. Pure geometry.
 
 The floor's homography, track m to camera px about the picture's middle, is H ~ K [r1 r2 t] with K = diag(f, f, 1) (Hartley
 and Zisserman, Multiple View Geometry, 8.1.1). r1 and r2 being orthogonal and of one length gives f; r1, r2 and t then give the
-camera's place. Seen from straight above, every f fits: the height must then be measured.
+camera's place. Seen from straight above, every f fits: the height must then be measured, or the lens calibrated.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class CameraPose:
     position_m: tuple[float, float, float]
     """Optical centre: x and y as track m, z metres above the floor."""
     focal_px: float
-    """Focal length, camera px of the ground map's size of frame."""
+    """Focal length, camera px of the ground map's size of frame; the calibrated lens's horizontal one where there is one."""
     pitch_deg: float
     """Angle of the optical axis below the horizon, 0..90 degrees."""
 
@@ -59,10 +60,13 @@ def find_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPose
     """
     if height_m is not None and not (math.isfinite(height_m) and height_m > 0):
         raise InputError(f"view.camera_height_m: {height_m:g} is not a height above the floor: give metres")
-    h = _floor_to_centred_px(ground)
-    if height_m is not None:
-        pose = _pose_at_height(h, ground, height_m)
+    if ground.lens is not None:
+        pose = _pose(_floor_to_centred_px(ground), ground.lens.fx_px)
+        _check_height(pose, height_m)
+    elif height_m is not None:
+        pose = _pose_at_height(_floor_to_centred_px(ground), ground, height_m)
     else:
+        h = _floor_to_centred_px(ground)
         pose = _pose(h, _focal_px(h, ground))
         if pose.pitch_deg > STEEPEST_DEG:
             raise InputError(
@@ -104,13 +108,16 @@ def with_camera(ground: GroundMap, *, height_m: float | None = None, tallest_m: 
 
 
 def _floor_to_centred_px(ground: GroundMap) -> NDArray[np.float64]:
-    """(3, 3) track m -> camera px about the picture's middle; its third coordinate is positive ahead of the camera."""
+    """(3, 3) track m -> square ideal px about the optical centre; its third coordinate is positive ahead of the camera."""
     scale = ground.scale.metres_per_px
     twin_to_track = np.array([[scale, 0.0, 0.0], [0.0, -scale, scale * ground.scale.height_px], [0.0, 0.0, 1.0]])
     to_track = twin_to_track @ np.array(ground.camera_to_twin).reshape(3, 3)
-    centred = np.array(
-        [[1.0, 0.0, -(ground.width_px - 1) / 2.0], [0.0, 1.0, -(ground.height_px - 1) / 2.0], [0, 0, 1.0]]
-    )
+    lens = ground.lens
+    if lens is None:
+        tall, u, v = 1.0, (ground.width_px - 1) / 2.0, (ground.height_px - 1) / 2.0
+    else:
+        tall, u, v = lens.fx_px / lens.fy_px, lens.cx_px, lens.cy_px
+    centred = np.array([[1.0, 0.0, -u], [0.0, tall, -v * tall], [0, 0, 1.0]])
     return np.asarray(centred @ np.linalg.inv(to_track), dtype=np.float64)
 
 
@@ -161,12 +168,17 @@ def _pose_at_height(h: NDArray[np.float64], ground: GroundMap, height_m: float) 
     best = int(np.argmin([disagreement(float(f)) for f in candidates]))
     near = np.geomspace(candidates[max(0, best - 1)], candidates[min(len(candidates) - 1, best + 1)], 200)
     pose = _pose(h, float(near[np.argmin([disagreement(float(f)) for f in near])]))
-    if abs(pose.position_m[2] / height_m - 1.0) > _HEIGHT_TOLERANCE:
+    _check_height(pose, height_m)
+    return pose
+
+
+def _check_height(pose: CameraPose, height_m: float | None) -> None:
+    """Raises `InputError` where a measured height contradicts the pose."""
+    if height_m is not None and abs(pose.position_m[2] / height_m - 1.0) > _HEIGHT_TOLERANCE:
         raise InputError(
             f"view.camera_height_m: by the keypoints the camera stands about {pose.position_m[2]:.2f} m above the floor, not "
             f"{height_m:g} m: measure again, from the floor to the lens, and check the twin's scale"
         )
-    return pose
 
 
 def _focal_range_px(ground: GroundMap) -> tuple[float, float]:
