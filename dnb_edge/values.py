@@ -134,6 +134,9 @@ class FrameDetections:
     detections: tuple[Detection, ...]
     full_frame: bool
     """True where the whole picture was looked at, False where only the search windows were."""
+    view_moved_m: float | None = None
+    """How far the picture had moved from where it was calibrated, as far as that was known at this frame: the greatest
+    displacement over the track, metres; None where it is not known to have moved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,6 +222,9 @@ class Lap:
     """Share of the lap's frames in which the car was seen, 0..1."""
     target_id: int | None = None
     """The target that drove it; None in recordings from before laps told it."""
+    suspect: tuple[str, ...] = ()
+    """Why its numbers may be wrong though the drive was valid (the camera was bumped), as sentences; empty where nothing is
+    known against them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -268,6 +274,9 @@ class Health:
     """What is not wrong but wants somebody's hand, such as a car that has not moved yet; sentences."""
     picture: str | None = None
     """What is wrong with the picture: `black`, `overexposed`, `covered` or `frozen`; None where it shows something."""
+    view_moved_m: float | None = None
+    """How far the picture has moved from where it was calibrated, the greatest displacement over the track, metres; None
+    where it is not known to have moved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
