@@ -59,6 +59,8 @@ class Calibration:
     made_at: str = ""
     """ISO 8601 with offset."""
     inputs: tuple[InputFile, ...] = ()
+    reference: InputFile | None = None
+    """The picture of the view as it was calibrated, in a file beside the calibration's; None where there was none."""
     notes: tuple[str, ...] = ()
     """What a user should know of it, such as an outlier that was set aside; sentences."""
 
