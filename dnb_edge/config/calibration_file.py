@@ -1,7 +1,7 @@
 """The calibration file: one YAML document with everything that ties one camera in one place to one twin.
 
-Knows YAML and the file's form and version. What the numbers mean is `view.calibration`'s knowledge. Numbers are written by their
-shortest round-trip text, so that what is loaded equals what was saved, bit for bit.
+Knows YAML and the file's form and version; what the numbers mean is `view.calibration`'s knowledge. Numbers are written by
+their shortest round-trip text, so that what is loaded equals what was saved, bit for bit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dnb_edge.values import BgrImage
 from dnb_edge.view.calibration import Calibration, CalibrationMethod, InputFile
 from dnb_edge.view.ground import GroundMap, Matrix3
 from dnb_edge.view.homography import CalibrationError
-from dnb_edge.view.lens import Lens, LensModel
+from dnb_edge.view.lens import Lens
 from dnb_edge.view.pose import CameraPose
 
 FILE_FORMAT = "dnb-edge calibration"
@@ -136,15 +136,14 @@ def load_calibration(path: Path) -> Calibration:
     file = _parsed(path)
     size = {"width_px": file.camera.width_px, "height_px": file.camera.height_px}
     try:
-        lens = None
-        if file.lens is not None:
-            lens = Lens(**{**file.lens.model_dump(), "model": LensModel(file.lens.model)}, **size)
+        lens = None if file.lens is None else Lens.from_dict(file.lens.model_dump() | size)
         ground = GroundMap(
             camera_to_twin=_flat(file.homography),
             scale=TwinScale(**file.twin.model_dump()),
             camera_m=None if file.pose is None else file.pose.position_m,
             lens=lens,
-            **size,
+            width_px=file.camera.width_px,
+            height_px=file.camera.height_px,
         )
         return Calibration(
             ground=ground,
