@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from dnb_edge import wire
 from dnb_edge.capture.recording import RecordingSource
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import FrameSource, open_source
+from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
 from dnb_edge.core import CoreSetup
@@ -65,17 +67,14 @@ class Assembly:
 def assemble(config: Config, info: SourceInfo) -> Assembly:
     """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
     track = make_track(config.track)
-    pairs = load_pairs(config.view)
-    width_px, height_px = config.view.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
-    ground = fit_ground_map(pairs, track.scale, width_px=width_px, height_px=height_px)
-    if config.detector.kind == "markers":
-        roof_m = config.detector.markers.marker_height_m
-        ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=roof_m)
-    error = calibration_error(pairs, metres_per_px=track.scale.metres_per_px)
+    ground, error = make_view(config.view, track.scale, info)
+    tallest_m = _tallest_m(config.detector)
+    if tallest_m > 0.0:
+        ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=tallest_m)
     limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
     setup = CoreSetup(
         track=track,
-        ground=ground.scaled_to(info.width_px, info.height_px),
+        ground=ground,
         motion=settings_of(MotionSettings, config.motion),
         crossing=settings_of(CrossingSettings, config.crossing),
         laps=settings_of(LapRules, config.race),
@@ -122,8 +121,47 @@ def _metres_per_px(config: TrackConfig, *, height_px: float) -> float:
     ).metres_per_px
 
 
+def make_view(config: ViewConfig, scale: TwinScale, info: SourceInfo) -> tuple[GroundMap, CalibrationError]:
+    """The ground map of the source's frames, and its error. Raises `InputError` where they do not fit the calibration."""
+    if config.calibration is not None:
+        return _calibrated_view(config.calibration, scale, info)
+    pairs = load_pairs(config)
+    width_px, height_px = config.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
+    ground = fit_ground_map(pairs, scale, width_px=width_px, height_px=height_px)
+    error = calibration_error(pairs, metres_per_px=scale.metres_per_px)
+    return ground.scaled_to(info.width_px, info.height_px), error
+
+
+def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> tuple[GroundMap, CalibrationError]:
+    calibration = load_calibration(path)
+    made_for = calibration.ground.scale
+    remedy = "calibrate again with this track's twin"
+    # A scale comes from a division of measured numbers, and goes through files.
+    if made_for.height_px != scale.height_px or not math.isclose(
+        made_for.metres_per_px, scale.metres_per_px, rel_tol=1e-6
+    ):
+        raise InputError(
+            f"{path}: made for a twin {made_for.height_px:g} px high at {made_for.metres_per_px * 1000:g} mm a px, the track's "
+            f"is {scale.height_px:g} px at {scale.metres_per_px * 1000:g} mm: {remedy}"
+        )
+    try:
+        ground = calibration.for_camera(width_px=info.width_px, height_px=info.height_px, camera_id=info.camera_id)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return ground, calibration.error
+
+
+def _tallest_m(detector: DetectorConfig) -> float:
+    """The greatest height above the floor at which the detector places what it sees, metres."""
+    return detector.markers.marker_height_m if detector.kind == "markers" else detector.point_height_m
+
+
 def load_pairs(config: ViewConfig) -> KeypointPairs:
-    """The keypoint pairs that the configuration names."""
+    """The keypoint pairs that the configuration names. Raises `InputError` where it names a calibration instead."""
+    if config.calibration is not None:
+        raise InputError(
+            f"view.calibration: {config.calibration} holds a finished map, no keypoints: name the keypoints' file"
+        )
     if config.keypoints is not None:
         return load_yaml_pairs(config.keypoints)
     camera, twin = config.keypoints_camera, config.keypoints_twin
@@ -174,7 +212,7 @@ def check_detector(wanted: DetectorConfig) -> None:
         _without_box_settings(wanted)
 
 
-_BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "sigma_ratio")
+_BOX_KEYS = ("classes", "min_confidence", "iou", "shift_ratio", "point_height_m", "sigma_ratio")
 """Keys of the detector's section that only an Ultralytics model understands."""
 
 
@@ -266,7 +304,8 @@ def _inputs(config: Config) -> list[Path]:
     model = config.detector.model
     if model is None and config.detector.kind != "markers":
         model = default_model_path()
-    paths = (config.track.file, config.track.image, view.keypoints, view.keypoints_camera, view.keypoints_twin, model)
+    pairs = (view.keypoints, view.keypoints_camera, view.keypoints_twin)
+    paths = (config.track.file, config.track.image, view.calibration, *pairs, model)
     return [path for path in paths if path is not None]
 
 

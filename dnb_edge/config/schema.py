@@ -122,11 +122,15 @@ class ViewConfig(_Section):
     """NumPy file (.npy), shape (n, 2): the same points on the twin, px."""
     keypoints: DataPath | None = None
     """YAML file with both, instead of the two NumPy files."""
+    calibration: DataPath | None = None
+    """A calibration file that `dnb-edge calibrate ... --out` wrote, instead of keypoints: it brings the lens, the camera's
+    place and the error at every point with it."""
     image_size_px: tuple[Whole, Whole] | None = None
     """Width and height of the picture on which the camera's points were clicked, where frames are of another size."""
     camera_height_m: Positive | None = None
-    """Measured height of the lens above the floor, metres. Only markers on roofs want it, and only where the camera looks
-    so steeply down (over 80 degrees) that the keypoints do not tell it."""
+    """Measured height of the lens above the floor, metres. Only wanted where something above the floor is looked at (markers on
+    roofs, detector.point_height_m), and only where the camera looks so steeply down (over 80 degrees) that the keypoints do
+    not tell it and the lens is not calibrated."""
     max_mean_error_px: Positive | None = None
     """Mean calibration error above which laps are not scored, twin px; give this or max_mean_error_m."""
     max_mean_error_m: Positive | None = None
@@ -135,8 +139,17 @@ class ViewConfig(_Section):
     @model_validator(mode="after")
     def _one_form(self) -> Self:
         pair = (self.keypoints_camera, self.keypoints_twin)
+        if self.calibration is not None:
+            given = {"keypoints": self.keypoints, "keypoints_camera": pair[0], "keypoints_twin": pair[1],
+                     "image_size_px": self.image_size_px}  # fmt: skip
+            for name, value in given.items():
+                if value is not None:
+                    raise ValueError(f"give calibration or {name}, not both")
+            return self
         if self.keypoints is None and None in pair:
-            raise ValueError("give keypoints_camera and keypoints_twin (.npy), or keypoints (.yaml)")
+            raise ValueError(
+                "give calibration (.yaml), keypoints_camera and keypoints_twin (.npy), or keypoints (.yaml)"
+            )
         if self.keypoints is not None and pair != (None, None):
             raise ValueError("give keypoints (.yaml) or keypoints_camera and keypoints_twin (.npy), not both")
         return self
@@ -183,6 +196,9 @@ class DetectorConfig(_Section):
     """Ultralytics only: of boxes of one class that overlap by more the surest stays; idle where NMS is inside the model."""
     shift_ratio: Number = 0.0
     """Ultralytics only: the ground point lies as many box heights below the box's centre (0.5: its lower edge)."""
+    point_height_m: Annotated[Number, Field(ge=0)] = 0.0
+    """Ultralytics only: how far above the floor the point lies that counts as the car's place, metres. A box's centre lies
+    about half the car's height above it; the camera's place then brings it down to the floor."""
     sigma_ratio: Positive = 0.05
     """Ultralytics only: one sigma of the ground point as a share of the box's longest side."""
     markers: MarkersConfig = MarkersConfig()

@@ -35,6 +35,8 @@ class UltralyticsSettings:
     """Of boxes of one class that overlap by more, 0..1, the surest stays; idle where NMS is inside the model."""
     shift_ratio: float = 0.0
     """The ground point lies as many box heights below the box's centre: 0 the centre, 0.5 its lower edge."""
+    point_height_m: float = 0.0
+    """How far above the floor that point lies, metres: 0 where the ratio already brings it down to the floor."""
     sigma_ratio: float = 0.05
     """One standard deviation of the ground point, as a share of the box's longest side. The model does not tell it: 0.05 is
     3 px for a box of 60 px."""
@@ -47,6 +49,8 @@ class UltralyticsSettings:
                 raise ValueError(f"detector.{name}: {getattr(self, name)} is not between 0 and 1")
         if not self.sigma_ratio > 0.0:
             raise ValueError(f"detector.sigma_ratio: {self.sigma_ratio} must be positive")
+        if not (math.isfinite(self.point_height_m) and self.point_height_m >= 0.0):
+            raise ValueError(f"detector.point_height_m: {self.point_height_m} is not a height above the floor")
         if not math.isfinite(self.shift_ratio):
             raise ValueError(f"detector.shift_ratio: {self.shift_ratio} is not a number")
 
@@ -113,6 +117,7 @@ def _found(boxes: Boxes, settings: UltralyticsSettings) -> list[tuple[Detection,
             sigma_px=settings.sigma_ratio * length,
             length_px=length,
             confidence=min(1.0, float(boxes.confidences[number])),
+            height_m=settings.point_height_m,
         )
         has_axis = boxes.angles_rad is not None and length >= LONG_RATIO * min(width, height)
         axis = -angle if width >= height else -angle - math.pi / 2

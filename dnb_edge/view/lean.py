@@ -56,5 +56,7 @@ def floor_lean(ground: GroundMap, *, height_m: float | None = None) -> FloorLean
 
     `height_m` is the camera's height above the floor where that was measured.
     """
+    if ground.camera_m is not None and height_m is None:
+        return FloorLean(ground=ground)
     pose = likely_pose(ground, height_m=height_m)
     return None if pose is None else FloorLean(ground=replace(ground, camera_m=pose.position_m))

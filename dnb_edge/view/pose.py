@@ -94,11 +94,15 @@ def likely_pose(ground: GroundMap, *, height_m: float | None = None) -> CameraPo
 
 
 def with_camera(ground: GroundMap, *, height_m: float | None = None, tallest_m: float = 0.0) -> GroundMap:
-    """`ground` that knows its camera's place, so that it can place things up to `tallest_m` above the floor.
+    """`ground` that knows its camera's place, so that it can place things up to `tallest_m` above the floor. A place that it
+    has already stays, unless a height was measured.
 
     Raises `InputError` as `find_pose` does, and where the camera is not higher than that.
     """
-    position_m = find_pose(ground, height_m=height_m).position_m
+    if ground.camera_m is not None and height_m is None:
+        position_m = ground.camera_m
+    else:
+        position_m = find_pose(ground, height_m=height_m).position_m
     if not position_m[2] > tallest_m:
         raise InputError(
             f"view: the camera is {position_m[2]:.2f} m above the floor, not above what lies {tallest_m:g} m high: check the "

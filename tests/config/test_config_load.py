@@ -97,7 +97,7 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
         ("  lane_hsv: [330, 23, 84]\n", "", "line 2: track: lane_hsv is missing"),
         ("  metres_per_px: 0.001\n", "", "line 2: track: give either measured"),
         ("track:", "track:\n  file: a.json", "line 2: track: give file or image, not both"),
-        ("  keypoints_twin: b.npy\n", "", "line 7: view: give keypoints_camera and keypoints_twin"),
+        ("  keypoints_twin: b.npy\n", "", "line 7: view: give calibration (.yaml), keypoints_camera and keypoints_twin"),
         ("  metres_per_px: 0.001", "  metres_per_px: .inf", "line 5: track.metres_per_px: input should be"),
         ("race:\n", "race:\n  laps: 4\n", "line 12: race.laps is given twice"),
         ("race:", "race: [", "not valid YAML"),
