@@ -25,6 +25,7 @@ LENS = Lens(
     model=LensModel.PINHOLE, fx_px=901.25, fy_px=903.5, cx_px=633.1, cy_px=352.9,
     distortion=(-0.21, 0.043, 1e-05, -0.0004, 0.0), width_px=1280, height_px=720,
 )  # fmt: skip
+PICTURE = InputFile(name="a.png", sha256="f" * 64)
 COVARIANCE = tuple(tuple(1e-09 * (i == j) / (1 + i) for j in range(9)) for i in range(9))
 CALIBRATION = Calibration(
     ground=GroundMap(
@@ -55,7 +56,7 @@ def stored(path: Path, calibration: Calibration) -> Path:
     [
         lambda c: c,
         lambda c: replace(c, ground=replace(c.ground, lens=None, camera_m=None), pose=None, covariance=None, camera_id=None),
-        lambda c: replace(c, method=CalibrationMethod.MARKERS, notes=(), inputs=(), reference=InputFile(name="a", sha256="f" * 64)),
+        lambda c: replace(c, method=CalibrationMethod.MARKERS, notes=(), inputs=(), reference=PICTURE),
     ],
     ids=["whole", "bare", "markers"],
 )  # fmt: skip
