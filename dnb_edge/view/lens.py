@@ -2,7 +2,8 @@
 
 Knows one camera's focal lengths, optical centre and distortion. Knows no floor and no twin: `ground` maps ideal px to the
 track plane. Points are undistorted, never pictures. The two models are OpenCV's: `pinhole` is Brown's (k1 k2 p1 p2 [k3 [k4 k5
-k6]]), `fisheye` Kannala and Brandt's (k1..k4), for lenses wider than about 110 degrees.
+k6]]), `fisheye` Kannala and Brandt's (k1..k4), for lenses wider than about 110 degrees. What a fisheye shows beyond 85 degrees
+off its axis has no true ideal px (at 90 they end): it gets one further out, and comes back from there.
 """
 
 from __future__ import annotations
@@ -26,6 +27,14 @@ _GRID = 13
 _RETURNS_WITHIN_PX = 0.05
 _BEYOND = 1.1
 """Up to this many times the picture's own reach the lens is believed; further out it goes on straight."""
+_WIDEST_RAD = math.radians(85.0)
+"""A fisheye is believed up to this angle off its axis: at 90 degrees ideal px end."""
+_TABLE = 257
+_NEWTON_STEPS = 4
+_FOLDS = (
+    "lens: its distortion folds the picture over near the edges: take photographs with the board nearer to the "
+    "picture's corners and calibrate again"
+)
 
 
 class LensModel(StrEnum):
@@ -66,14 +75,16 @@ class Lens:
                 f"lens: {len(self.distortion)} distortion coefficients, a {self.model.value} lens has "
                 f"{' or '.join(map(str, allowed))}"
             )
+        if self.model is LensModel.FISHEYE:
+            rising = np.diff(_rim(self).bent) > 0
+            if not rising.all():
+                raise InputError(_FOLDS)
+            return
         grid = self._grid()
         # Not through `to_camera_px`, which never folds.
         back = self._distorted(_normalised(self.to_ideal_px(grid), self))
         if not np.abs(back - grid).max() < _RETURNS_WITHIN_PX:
-            raise InputError(
-                "lens: its distortion folds the picture over near the edges: take photographs with the board nearer to the "
-                "picture's corners and calibrate again"
-            )
+            raise InputError(_FOLDS)
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -82,16 +93,14 @@ class Lens:
 
     def to_ideal_px(self, camera_px: Points) -> Points:
         """Ideal px (n, 2) of camera px (n, 2) inside the picture."""
-        points = np.asarray(camera_px, dtype=np.float64).reshape(-1, 1, 2)
+        points = np.asarray(camera_px, dtype=np.float64).reshape(-1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
-        bent = np.array(self.distortion)
         if self.model is LensModel.FISHEYE:
-            ideal = cv2.fisheye.undistortPoints(
-                points, self.matrix, bent, R=np.eye(3), P=self.matrix, criteria=_ITERATE
-            )
-        else:
-            ideal = cv2.undistortImagePoints(points, self.matrix, bent, None, _ITERATE)
+            return self._fisheye_ideal(points)
+        ideal = cv2.undistortImagePoints(
+            points.reshape(-1, 1, 2), self.matrix, np.array(self.distortion), None, _ITERATE
+        )
         return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
     def to_camera_px(self, ideal_px: Points) -> Points:
@@ -129,13 +138,29 @@ class Lens:
         """Camera px (n, 2) of normalised points (n, 2), by the model's formula alone."""
         if len(points) == 0:
             return np.empty((0, 2))
-        bent = np.array(self.distortion)
         if self.model is LensModel.FISHEYE:
-            camera = cv2.fisheye.distortPoints(points.reshape(-1, 1, 2), self.matrix, bent)
-        else:
-            ahead = np.column_stack((points, np.ones(len(points))))
-            camera, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), self.matrix, bent)
+            radius = np.hypot(points[:, 0], points[:, 1])
+            bent = _bent(np.arctan(radius), self.distortion)
+            shrunk = points * np.where(radius > 0, bent / np.maximum(radius, 1e-300), 1.0)[:, None]
+            return np.asarray(shrunk * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px), dtype=np.float64)
+        ahead = np.column_stack((points, np.ones(len(points))))
+        camera, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion))
         return np.asarray(camera, dtype=np.float64).reshape(-1, 2)
+
+    def _fisheye_ideal(self, points: Points) -> Points:
+        """Exactly what `to_camera_px` undoes, out to wherever: the own way, since OpenCV's ends at 90 degrees of *bent*
+        angle and gives -1e6 for what it cannot solve.
+        """
+        rim = _rim(self)
+        off = _normalised(points, self)
+        bent = np.hypot(off[:, 0], off[:, 1])
+        within = np.minimum(bent, rim.bent[-1])
+        angle = np.interp(within, rim.bent, rim.angle)
+        for _ in range(_NEWTON_STEPS):
+            angle = angle - (_bent(angle, self.distortion) - within) / _slope(angle, self.distortion)
+        radius = np.tan(angle) + (bent - within)
+        grown = off * np.where(bent > 0, radius / np.maximum(bent, 1e-300), 1.0)[:, None]
+        return np.asarray(grown * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px), dtype=np.float64)
 
     def _grid(self) -> Points:
         """Camera px (n, 2) all over the picture, its corners included."""
@@ -148,9 +173,49 @@ class Lens:
 @cache
 def _reach(lens: Lens) -> float:
     """Normalised radius up to which the lens is believed."""
+    if lens.model is LensModel.FISHEYE:
+        return math.tan(_rim(lens).angle[-1])
+    return _BEYOND * float(np.linalg.norm(_normalised(lens.to_ideal_px(_corners(lens)), lens), axis=1).max())
+
+
+def _corners(lens: Lens) -> Points:
+    """(4, 2) the outer corners of the picture, camera px."""
     right, bottom = lens.width_px - 0.5, lens.height_px - 0.5
-    corners = np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
-    return _BEYOND * float(np.linalg.norm(_normalised(lens.to_ideal_px(corners), lens), axis=1).max())
+    return np.array([[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rim:
+    """A fisheye's formula as a table, up to where it is believed."""
+
+    angle: NDArray[np.float64]
+    """Off the axis, rad, rising from 0."""
+    bent: NDArray[np.float64]
+    """The same in the picture, shares of the focal length."""
+
+
+@cache
+def _rim(lens: Lens) -> _Rim:
+    """Up to a little beyond the picture's corners, or to `_WIDEST_RAD` where the picture shows more than that."""
+    corner = float(np.linalg.norm(_normalised(_corners(lens), lens), axis=1).max())
+    angle = np.linspace(0.0, _WIDEST_RAD, 4 * _TABLE)
+    bent = _bent(angle, lens.distortion)
+    outside = np.flatnonzero(bent > _BEYOND * corner)
+    end = float(angle[outside[0]]) if len(outside) else _WIDEST_RAD
+    angle = np.linspace(0.0, end, _TABLE)
+    return _Rim(angle=angle, bent=_bent(angle, lens.distortion))
+
+
+def _bent(angle: NDArray[np.float64], k: tuple[float, ...]) -> NDArray[np.float64]:
+    """Kannala and Brandt: angle in the picture of an angle off the axis, rad."""
+    s = angle * angle
+    return np.asarray(angle * (1.0 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3])))), dtype=np.float64)
+
+
+def _slope(angle: NDArray[np.float64], k: tuple[float, ...]) -> NDArray[np.float64]:
+    """Derivative of `_bent`."""
+    s = angle * angle
+    return np.asarray(1.0 + s * (3 * k[0] + s * (5 * k[1] + s * (7 * k[2] + s * 9 * k[3]))), dtype=np.float64)
 
 
 def _normalised(ideal_px: Points, lens: Lens) -> Points:
