@@ -99,6 +99,7 @@ class Core:
         self._seats: dict[int, int] = {}
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
+        self._moved: list[_Moved] = []
 
     @property
     def finished(self) -> bool:
@@ -112,6 +113,7 @@ class Core:
         if self._first_t_ns is None:
             self._first_t_ns = found.t_ns
         self._last_t_ns = found.t_ns
+        self._note_view(found)
         t_s = (found.t_ns - self._first_t_ns) * 1e-9
         sightings = [
             sighting
@@ -179,6 +181,26 @@ class Core:
             for x, y in self.parked()
         )
 
+    def _note_view(self, found: FrameDetections) -> None:
+        """Remembers from when to when the camera was known to have moved, and how far."""
+        if found.view_moved_m is None:
+            if self._moved and self._moved[-1].until_t_ns is None:
+                self._moved[-1] = replace(self._moved[-1], until_t_ns=found.t_ns)
+        elif not self._moved or self._moved[-1].until_t_ns is not None or self._moved[-1].moved_m != found.view_moved_m:
+            if self._moved and self._moved[-1].until_t_ns is None:
+                self._moved[-1] = replace(self._moved[-1], until_t_ns=found.t_ns)
+            self._moved.append(_Moved(from_t_ns=found.t_ns, until_t_ns=None, moved_m=found.view_moved_m))
+
+    def _suspect(self, lap: Lap) -> tuple[str, ...]:
+        """Why the numbers of a lap may be wrong though it was driven well."""
+        moved_m = max(
+            (moved.moved_m for moved in self._moved if moved.meets(lap.start_t_ns, lap.end_t_ns)), default=None
+        )
+        if moved_m is None:
+            return ()
+        size = f"{moved_m * 1e3:.0f} mm" if moved_m < 1.0 else f"{moved_m:.1f} m"
+        return (f"the camera had moved by {size} since it was calibrated",)
+
     def _seat(self, target_id: int) -> int:
         """Which of the cars a target is; with one car in the race, every target is that car."""
         if len(self._cars) == 1:
@@ -220,8 +242,12 @@ class Core:
     def _scored(self, passed: Sequence[Passed]) -> list[Event]:
         events: list[Event] = []
         for one in passed:
-            events += self._scored_lap(one) if isinstance(one, DrivenLap) else [one]
+            events += self._marked_lap(one) if isinstance(one, DrivenLap) else [one]
         return events
+
+    def _marked_lap(self, driven: DrivenLap) -> list[Lap | Score]:
+        lap = replace(driven.lap, suspect=self._suspect(driven.lap))
+        return self._scored_lap(replace(driven, lap=lap))
 
     def _scored_lap(self, driven: DrivenLap) -> list[Lap | Score]:
         if self._setup.not_scored_because is not None:
@@ -232,9 +258,24 @@ class Core:
             self._setup.score,
             lap=driven.lap.number,
             completion_time_s=driven.lap.time_s,
+            lap_route_m=self._setup.track.lap_route_m(),
         )
         lap = replace(driven.lap, similarity_percent=score.similarity_percent)
         return [lap, replace(score, target_id=lap.target_id)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moved:
+    """A time in which the camera was known to have moved by one distance."""
+
+    from_t_ns: int
+    until_t_ns: int | None
+    """The first frame that knew otherwise; None while it holds."""
+    moved_m: float
+
+    def meets(self, start_t_ns: int, end_t_ns: int) -> bool:
+        """Whether any of it lies between two instants."""
+        return self.from_t_ns <= end_t_ns and (self.until_t_ns is None or self.until_t_ns > start_t_ns)
 
 
 def _is_held(target: Followed) -> bool:

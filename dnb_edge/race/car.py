@@ -12,7 +12,7 @@ from typing import Self, TypeAlias
 from dnb_edge.race.crossing import CrossingSettings, LineWatch
 from dnb_edge.race.fix import Fix, Progress
 from dnb_edge.race.laps import DrivenLap, LapMachine, LapRules, LapState
-from dnb_edge.track.model import START_LINE, Track
+from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.values import Crossing, Observation, PointM
 
 Passed: TypeAlias = Crossing | DrivenLap
@@ -32,8 +32,8 @@ class CarRace:
         """A car before its first frame."""
         return cls(
             progress=Progress(track.centreline),
-            lines=tuple(LineWatch(line, crossing) for line in (track.start_line, *track.sector_lines)),
-            laps=LapMachine(rules, track.centreline.length_m),
+            lines=tuple(LineWatch(line, crossing) for line in track.lines),
+            laps=LapMachine(rules, track.lap_m()[1], has_finish_line=track.finish_line is not None),
         )
 
     @property
@@ -83,7 +83,7 @@ class CarRace:
         passed: list[Passed] = []
         for crossing in sorted(crossings, key=lambda crossing: crossing.t_ns):
             passed.append(crossing)
-            driven = self.laps.crossed(crossing) if crossing.line == START_LINE else None
+            driven = self.laps.crossed(crossing) if crossing.line in (START_LINE, FINISH_LINE) else None
             if driven is not None:
                 passed.append(driven)
         return passed

@@ -1,11 +1,12 @@
 """What the race knows of the car in one frame: where it was seen, where it is estimated, and where that is on the route.
 
 Knows track metres, the route and stamps. Unwraps the arc length into progress, so that laps can ask how far a car has
-really driven.
+really driven. Where the route crosses itself or comes near itself, the car stays on the branch on which it came.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from dnb_edge.track.centreline import Centreline
@@ -13,6 +14,12 @@ from dnb_edge.values import Observation, PointM, path_points
 
 BEFORE_ALL_NS = -(2**63)
 """Earlier than any stamp."""
+
+LOST_S = 1.0
+"""After this time without a fix, seconds, the car may be on any branch of the route: it is sought on all of it."""
+
+HEADING_M = 0.1
+"""Way that tells in which direction the car drives, and so on which branch of a crossing it was found, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +49,8 @@ class Progress:
     def __init__(self, centreline: Centreline) -> None:
         self._centreline = centreline
         self._last: Fix | None = None
+        self._speed_mps = 0.0
+        self._unsure_since: PointM | None = None
 
     @property
     def last_t_ns(self) -> int:
@@ -50,8 +59,15 @@ class Progress:
 
     def fix(self, observation: Observation, *, target_id: int, track_m: PointM) -> Fix:
         """The fix for one observation of the car and its filtered position `track_m`, track m."""
-        route = self._centreline
-        (s_m,), (d_m,) = (values.tolist() for values in route.locate(path_points([track_m])))
+        route, last = self._centreline, self._last
+        s_m, d_m = self._located(observation.t_ns, track_m)
+        step_m = 0.0 if last is None else route.step_m(last.s_m, s_m)
+        branch = self._other_branch(s_m, track_m)
+        if last is not None and branch is not None:
+            # It was on this branch before, too: what it drove since is what it drove along it.
+            s_m, d_m = branch
+            before_m, _ = route.locate_near(last.track_m, s_hint_m=s_m, window_m=4 * HEADING_M)
+            step_m = route.step_m(before_m, s_m)
         fix = Fix(
             t_ns=observation.t_ns,
             t_s=observation.t_s,
@@ -62,12 +78,37 @@ class Progress:
             s_m=s_m,
             d_m=d_m,
             outside_m=route.outside_by_m(s_m, d_m),
-            progress_m=0.0 if self._last is None else self._last.progress_m + self._step_m(s_m - self._last.s_m),
+            progress_m=0.0 if last is None else last.progress_m + step_m,
         )
+        if last is not None and fix.t_ns > last.t_ns:
+            self._speed_mps += 0.2 * (abs(step_m) * 1e9 / (fix.t_ns - last.t_ns) - self._speed_mps)
         self._last = fix
         return fix
 
-    def _step_m(self, difference_m: float) -> float:
-        """The shorter way round the route."""
-        length_m = self._centreline.length_m
-        return (difference_m + length_m / 2) % length_m - length_m / 2
+    def _located(self, t_ns: int, track_m: PointM) -> tuple[float, float]:
+        """(s_m, d_m) of the car: near where it was in the fix before, as far as it can have gone on since; else anywhere."""
+        route, last = self._centreline, self._last
+        if last is None or (t_ns - last.t_ns) * 1e-9 > LOST_S:
+            self._unsure_since = track_m
+            (s_m,), (d_m,) = (values.tolist() for values in route.locate(path_points([track_m])))
+            return s_m, d_m
+        driven_m = math.dist(last.track_m, track_m) + self._speed_mps * (t_ns - last.t_ns) * 1e-9
+        reach_m = 2 * driven_m + sum(route.half_widths_at(last.s_m))
+        s_m, d_m = route.follow(track_m, s_hint_m=last.s_m, reach_m=reach_m)
+        if abs(route.step_m(last.s_m, s_m)) > reach_m:
+            self._unsure_since = track_m
+        return s_m, d_m
+
+    def _other_branch(self, s_m: float, track_m: PointM) -> tuple[float, float] | None:
+        """(s_m, d_m) on another branch of the route, where the car has gone on across the one on which it was found and along
+        the other; None where it is on the right one, or has not gone on far enough to tell.
+        """
+        route, since = self._centreline, self._unsure_since
+        if since is None or math.dist(since, track_m) < HEADING_M:
+            return None
+        self._unsure_since = None
+        way_m = math.dist(since, track_m)
+        branch = route.locate_along(track_m, ((track_m[0] - since[0]) / way_m, (track_m[1] - since[1]) / way_m))
+        if branch is None or route.outside_by_m(*branch) > 0 or abs(route.step_m(s_m, branch[0])) < 4 * HEADING_M:
+            return None
+        return branch

@@ -1,9 +1,11 @@
-"""Laps from crossings of the start line: one state machine for the car, its rules in a table.
+"""Laps from crossings of the start and the finish line: one state machine for the car, its rules in a table.
 
-Knows fixes, crossings and the route's length; knows nothing of pictures or files. The out-lap ends with the first forward
-crossing. A lap ends with a forward crossing after the car has really driven round the route; crossings that do not fit
-(backwards, too early, too short) change nothing. A complete lap is never dropped: what is wrong with it stands in its
-reasons.
+Knows fixes, crossings and a lap's length along the route; knows nothing of pictures or files. The out-lap ends with the first
+forward crossing of the start line. A lap ends with a forward crossing of the line where laps end, after the car has really
+driven the lap's way; crossings that do not fit (backwards, too early, too short) change nothing. Where that line is the start
+line, the next lap begins there; where it is a finish line of its own, the car is on an out-lap again, and a car that comes
+back to the start line before it has finished begins anew. A complete lap is never dropped: what is wrong with it stands in
+its reasons.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from enum import StrEnum
 from itertools import pairwise
 
 from dnb_edge.race.fix import Fix
+from dnb_edge.track.model import FINISH_LINE
 from dnb_edge.values import Crossing, Direction, Lap, PointM
 
 
@@ -27,10 +30,15 @@ class LapState(StrEnum):
 
 
 class Passing(StrEnum):
-    """What a crossing of the start line means."""
+    """What a crossing of the start or the finish line means."""
 
     START = "start"
     LAP_DONE = "lap_done"
+    """The line where laps begin and end: the next lap has begun."""
+    ARRIVED = "arrived"
+    """A finish line of its own: the lap is done, and no other has begun."""
+    ANEW = "anew"
+    """The start line before the finish line: the lap that was begun is given up for a new one."""
     RUN_DONE = "run_done"
     NOT_A_LAP = "not_a_lap"
 
@@ -39,6 +47,8 @@ TRANSITIONS: dict[tuple[LapState, Passing], LapState] = {
     (LapState.OUT_LAP, Passing.START): LapState.LAP,
     (LapState.OUT_LAP, Passing.NOT_A_LAP): LapState.OUT_LAP,
     (LapState.LAP, Passing.LAP_DONE): LapState.LAP,
+    (LapState.LAP, Passing.ARRIVED): LapState.OUT_LAP,
+    (LapState.LAP, Passing.ANEW): LapState.LAP,
     (LapState.LAP, Passing.RUN_DONE): LapState.FINISHED,
     (LapState.LAP, Passing.NOT_A_LAP): LapState.LAP,
     (LapState.FINISHED, Passing.NOT_A_LAP): LapState.FINISHED,
@@ -90,11 +100,13 @@ class DrivenLap:
 
 
 class LapMachine:
-    """Takes the car's fixes and the start line's crossings, in order, and returns laps."""
+    """Takes the car's fixes and the start and finish lines' crossings, in order, and returns laps."""
 
-    def __init__(self, rules: LapRules, route_length_m: float) -> None:
+    def __init__(self, rules: LapRules, lap_length_m: float, *, has_finish_line: bool = False) -> None:
+        """`lap_length_m` is a lap's length along the route; `has_finish_line` where laps end at a line of their own."""
         self._rules = rules
-        self._route_length_m = route_length_m
+        self._lap_length_m = lap_length_m
+        self._has_finish_line = has_finish_line
         self._state = LapState.OUT_LAP
         self._trace: list[Fix] = []
         self._frames: list[int] = []
@@ -120,31 +132,36 @@ class LapMachine:
             self._trace.append(fix)
 
     def crossed(self, crossing: Crossing) -> DrivenLap | None:
-        """Takes one crossing of the start line; returns the lap that it completed, if any."""
+        """Takes one crossing of the start or the finish line; returns the lap that it completed, if any."""
         passing = self._passing(crossing)
         state = TRANSITIONS[self._state, passing]
         lap = None
-        if passing in (Passing.LAP_DONE, Passing.RUN_DONE):
+        if passing in (Passing.LAP_DONE, Passing.ARRIVED, Passing.RUN_DONE):
             lap = self._close(crossing)
         self._state = state
         if passing is not Passing.NOT_A_LAP:
-            self._start = crossing
+            self._start = None if passing is Passing.ARRIVED else crossing
             self._keep_from(crossing.t_ns)
         return lap
 
     def _passing(self, crossing: Crossing) -> Passing:
         if crossing.direction is Direction.REVERSE or self._state is LapState.FINISHED:
             return Passing.NOT_A_LAP
+        at_finish = crossing.line == FINISH_LINE
         if self._start is None:
-            return Passing.START
+            return Passing.NOT_A_LAP if at_finish else Passing.START
+        if self._has_finish_line and not at_finish:
+            return Passing.ANEW
         if (crossing.t_ns - self._start.t_ns) * 1e-9 < self._rules.min_lap_s or not self._driven_round(crossing):
             return Passing.NOT_A_LAP
-        return Passing.RUN_DONE if self._done + 1 == self._rules.laps else Passing.LAP_DONE
+        if self._done + 1 == self._rules.laps:
+            return Passing.RUN_DONE
+        return Passing.ARRIVED if at_finish else Passing.LAP_DONE
 
     def _driven_round(self, crossing: Crossing) -> bool:
         lap = self._until(crossing)
         driven_m = lap[-1].progress_m - lap[0].progress_m if lap else 0.0
-        return driven_m >= self._rules.min_progress * self._route_length_m
+        return driven_m >= self._rules.min_progress * self._lap_length_m
 
     def _until(self, crossing: Crossing) -> list[Fix]:
         return [fix for fix in self._trace if fix.t_ns <= crossing.t_ns]
@@ -178,7 +195,7 @@ class LapMachine:
         reasons = []
         if gap_s > self._rules.max_gap_s:
             reasons.append(f"the car was not seen for {gap_s:.1f} s (limit {self._rules.max_gap_s:.1f} s)")
-        driven = (fixes[-1].progress_m - fixes[0].progress_m) / self._route_length_m if fixes else 0.0
+        driven = (fixes[-1].progress_m - fixes[0].progress_m) / self._lap_length_m if fixes else 0.0
         if driven > MOST_ROUTES:
             reasons.append(f"the car drove {driven:.1f} times round the route: a crossing of the start line was missed")
         off_lane_s = longest_s(fixes, lambda fix: fix.outside_m > self._rules.off_lane_margin_m)

@@ -70,18 +70,25 @@ def closed_route(centreline: Centreline) -> Points:
 
 
 def score_lap(
-    path_m: Points, centreline: Centreline, settings: ScoreSettings, *, lap: int, completion_time_s: float
+    path_m: Points,
+    centreline: Centreline,
+    settings: ScoreSettings,
+    *,
+    lap: int,
+    completion_time_s: float,
+    lap_route_m: Points | None = None,
 ) -> Score:
-    """Scores the driven path `path_m`, (n, 2) track metres in driving order, from start line to start line.
+    """Scores the driven path `path_m`, (n, 2) track metres in driving order, from where a lap starts to where it ends.
 
-    Raises `ValueError` where the path has fewer than two points or no length.
+    `lap_route_m`, (m, 2) track metres, is the lap's stretch of the route; None for once round it, from start line to start
+    line. Raises `ValueError` where the path has fewer than two points or no length.
     """
-    route = closed_route(centreline)
+    route = closed_route(centreline) if lap_route_m is None else lap_route_m
     driven, wanted = resample(path_m, settings.points), resample(route, settings.points)
     dtw_mean_m = dtw_distance(driven, wanted, settings.clamp_m) / settings.points
     frechet_m = frechet_distance(driven, wanted, settings.clamp_m)
     distance_m = dtw_mean_m if settings.metric is Metric.DTW else frechet_m
-    lateral_m = np.abs(centreline.locate(driven)[1])
+    lateral_m = np.abs(centreline.locate_path(driven)[1])
     return Score(
         lap=lap,
         metric=settings.metric.value,

@@ -1,8 +1,8 @@
-"""The closed centreline of a route: where along it (s_m) and how far to its left (d_m) a point on the track lies.
+"""The centreline of a route: where along it (s_m) and how far to its left (d_m) a point on the track lies.
 
 Knows points in metres on the track plane and the lane's half-widths at them. Knows no picture, no camera, no car and
 no time. (s, d) is the curvilinear frame of road vehicles: s_m grows in the direction of travel, d_m is positive to the
-left.
+left. A closed route's s_m goes round; an open one's (point to point) ends at 0 and at its length.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
+from dnb_edge.track.curvature import curvature
 from dnb_edge.values import PointM, Points
 
 Floats = NDArray[np.float64]
@@ -22,10 +23,13 @@ Floats = NDArray[np.float64]
 _BLOCK = 512
 """Points located at a time: bounds the (points x segments) matrices to a few MB."""
 
+_ALONG = 0.5
+"""Cosine of the angle (60 degrees) within which a stretch of the route still runs along a direction."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Centreline:
-    """A closed polyline in the order of travel; the last point joins the first, which is not repeated.
+    """A polyline in the order of travel; where it is closed the last point joins the first, which is not repeated.
 
     All arrays are read-only. Two centrelines are equal where their points and half-widths are, bit for bit.
     """
@@ -36,10 +40,12 @@ class Centreline:
     """Shape (n,), metres from each point to the lane's left edge, positive."""
     half_right_m: Floats
     """Shape (n,), metres from each point to the lane's right edge, positive."""
+    closed: bool = True
+    """False for a route from point to point: it ends at its first and its last point."""
     s_m: Floats = field(init=False, repr=False)
     """Shape (n,), arc length of each point along the polyline; s_m[0] is 0."""
     length_m: float = field(init=False)
-    """Length of the closed polyline."""
+    """Length of the polyline, with the way from the last point to the first where it is closed."""
     _lengths_m: Floats = field(init=False, repr=False)
     _tangents: Points = field(init=False, repr=False)
 
@@ -50,7 +56,7 @@ class Centreline:
             raise InputError(
                 f"centreline: needs at least three finite points (x, y), got an array of shape {points.shape}"
             )
-        chords = np.roll(points, -1, axis=0) - points
+        chords = np.roll(points, -1, axis=0) - points if self.closed else np.diff(points, axis=0)
         lengths = np.hypot(chords[:, 0], chords[:, 1])
         if not (lengths > 0).all():
             raise InputError(f"centreline: point {int(np.argmin(lengths))} is repeated")
@@ -61,7 +67,7 @@ class Centreline:
                 raise InputError(f"centreline: {name} must hold one positive number for each of {len(points)} points")
             self._set(name, widths)
         self._set("points_m", points)
-        self._set("s_m", s_m[:-1].copy())
+        self._set("s_m", s_m[: len(points)].copy())
         self._set("_lengths_m", lengths)
         self._set("_tangents", chords / lengths[:, None])
         object.__setattr__(self, "length_m", float(s_m[-1]))
@@ -73,18 +79,21 @@ class Centreline:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Centreline):
             return NotImplemented
-        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in _STORED)
+        return self.closed == other.closed and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in _STORED
+        )
 
     def __hash__(self) -> int:
-        return hash(tuple(getattr(self, name).tobytes() for name in _STORED))
+        return hash((self.closed, *(getattr(self, name).tobytes() for name in _STORED)))
 
     def locate(self, points_m: Points) -> tuple[Floats, Floats]:
         """(s_m, d_m), each (n,), of points (n, 2), track m: the projection on the nearest segment of the whole route.
 
-        s_m is in [0, length_m); d_m is the distance to the centreline, positive to the left of the direction of travel.
+        s_m is in [0, length_m), or [0, length_m] where the route is open; d_m is the distance to the centreline, positive to
+        the left of the direction of travel. Beyond an open route's end, s_m is that end's and d_m the distance to it.
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-        everywhere = np.arange(len(self.points_m))
+        everywhere = np.arange(len(self._lengths_m))
         blocks = [self._project(points[i : i + _BLOCK], everywhere) for i in range(0, len(points), _BLOCK)]
         if not blocks:
             return np.empty(0), np.empty(0)
@@ -95,43 +104,103 @@ class Centreline:
 
         For routes whose branches come near each other: the hint is where the car was last.
         """
-        n = len(self.points_m)
+        n = len(self._lengths_m)
         if 2 * window_m >= self.length_m:
             segments = np.arange(n)
         else:
             first, last = self._segment_at(s_hint_m - window_m), self._segment_at(s_hint_m + window_m)
             segments = np.arange(first, last + 1 + (n if last < first else 0)) % n
-        s_m, d_m = self._project(np.asarray(point_m, dtype=np.float64).reshape(1, 2), segments)
-        return float(s_m[0]), float(d_m[0])
+        return self._projected(point_m, segments)
+
+    def locate_along(self, point_m: PointM, direction: tuple[float, float]) -> tuple[float, float] | None:
+        """(s_m, d_m) of one point, track m, on the nearest segment that runs along `direction` (a unit vector), either
+        way, to within 60 degrees; None where no segment does. At a crossing it tells the branches apart.
+        """
+        (segments,) = np.nonzero(np.abs(self._tangents @ np.asarray(direction, dtype=np.float64)) >= _ALONG)
+        return self._projected(point_m, segments) if len(segments) else None
+
+    def follow(self, point_m: PointM, *, s_hint_m: float, reach_m: float) -> tuple[float, float]:
+        """(s_m, d_m) of one point, track m, of a path that was at `s_hint_m` before and can have gone on by `reach_m`.
+
+        It is the nearest place of the whole route where that is in reach, or where the path has left the stretch in reach
+        by more than the lane's width; else, where the route crosses itself or comes near itself, the place in reach.
+        """
+        (s_m,), (d_m,) = (values.tolist() for values in self.locate(np.array([point_m])))
+        if abs(self.step_m(s_hint_m, s_m)) <= reach_m:
+            return s_m, d_m
+        near_s_m, near_d_m = self.locate_near(point_m, s_hint_m=s_hint_m, window_m=reach_m)
+        left_m, right_m = self.half_widths_at(near_s_m)
+        is_near = abs(near_d_m) <= 2 * (left_m if near_d_m >= 0 else right_m)
+        return (near_s_m, near_d_m) if is_near else (s_m, d_m)
+
+    def locate_path(self, path_m: Points) -> tuple[Floats, Floats]:
+        """(s_m, d_m), each (n,), of the points (n, 2), track m, of one path in the order in which it was driven: each as
+        `follow` finds it from the one before, so that a crossing does not change the branch.
+        """
+        s_m, d_m = self.locate(path_m)
+        for i in range(1, len(s_m)):
+            reach_m = 2 * math.dist(path_m[i - 1], path_m[i]) + sum(self.half_widths_at(float(s_m[i - 1])))
+            if abs(self.step_m(float(s_m[i - 1]), float(s_m[i]))) > reach_m:
+                point_m = (float(path_m[i][0]), float(path_m[i][1]))
+                s_m[i], d_m[i] = self.follow(point_m, s_hint_m=float(s_m[i - 1]), reach_m=reach_m)
+        return s_m, d_m
+
+    def step_m(self, from_s_m: float, to_s_m: float) -> float:
+        """The way along the route from one place on it to another, metres; the shorter way round where it is closed."""
+        difference_m = to_s_m - from_s_m
+        if not self.closed:
+            return difference_m
+        return (difference_m + self.length_m / 2) % self.length_m - self.length_m / 2
 
     def direction_at(self, s_m: float) -> tuple[float, float]:
-        """Unit vector of travel, track plane, at `s_m` (any real number, taken round the route)."""
+        """Unit vector of travel, track plane, at `s_m`: any real number, taken round the route, or the end's beyond an end."""
         x, y = self._tangents[self._segment_at(s_m)]
         return float(x), float(y)
 
     def point_at(self, s_m: float, d_m: float = 0.0) -> PointM:
-        """The point, track m, at `s_m` (any real number, taken round the route), `d_m` to the centreline's left."""
+        """The point, track m, at `s_m` (any real number), `d_m` to the centreline's left. A closed route is taken round, an
+        open one goes straight on beyond its ends.
+        """
         i = self._segment_at(s_m)
-        along = s_m % self.length_m - float(self.s_m[i])
+        along = self._round(s_m) - float(self.s_m[i])
         x, y = self.points_m[i]
         tx, ty = self._tangents[i]
         return float(x + along * tx - d_m * ty), float(y + along * ty + d_m * tx)
 
     def points_at(self, s_m: Floats) -> Points:
-        """The points (n, 2), track m, of the centreline at the arc lengths `s_m` (n,), each taken round the route."""
-        s = np.mod(np.asarray(s_m, dtype=np.float64).reshape(-1), self.length_m)
-        i = np.clip(np.searchsorted(self.s_m, s, side="right") - 1, 0, len(self.s_m) - 1)
+        """The points (n, 2), track m, of the centreline at the arc lengths `s_m` (n,), each taken as by `point_at`."""
+        s = np.asarray(s_m, dtype=np.float64).reshape(-1)
+        s = np.mod(s, self.length_m) if self.closed else s
+        i = np.clip(np.searchsorted(self.s_m, s, side="right") - 1, 0, len(self._lengths_m) - 1)
         points: Points = self.points_m[i] + (s - self.s_m[i])[:, None] * self._tangents[i]
         return points
 
     def half_widths_at(self, s_m: float) -> tuple[float, float]:
-        """(left, right) metres from the centreline to the lane's edges at `s_m`, linear between the points."""
-        i = self._segment_at(s_m)
-        j = (i + 1) % len(self.points_m)
-        share = (s_m % self.length_m - float(self.s_m[i])) / float(self._lengths_m[i])
+        """(left, right) metres from the centreline to the lane's edges at `s_m`, linear between the points; beyond an open
+        route's end they are that end's.
+        """
+        i, j, share = self._between(s_m)
         left = self.half_left_m[i] + share * (self.half_left_m[j] - self.half_left_m[i])
         right = self.half_right_m[i] + share * (self.half_right_m[j] - self.half_right_m[i])
         return float(left), float(right)
+
+    @property
+    def curvature_1pm(self) -> Floats:
+        """Shape (n,), curvature at each point, 1/m, positive to the left, over about one lane's half-width to either side."""
+        half_m = float(np.median((self.half_left_m + self.half_right_m) / 2))
+        return curvature(self.points_m, closed=self.closed, arm=half_m)
+
+    @property
+    def min_radius_m(self) -> float | None:
+        """Radius of the tightest bend, metres; None where the route is straight to within a micrometre in a metre."""
+        sharpest = float(np.abs(self.curvature_1pm).max())
+        return 1.0 / sharpest if sharpest > 1e-6 else None
+
+    def curvature_at(self, s_m: float) -> float:
+        """Curvature at `s_m`, 1/m, positive to the left, linear between the points; the end's beyond an open route's end."""
+        i, j, share = self._between(s_m)
+        each = self.curvature_1pm
+        return float(each[i] + share * (each[j] - each[i]))
 
     def outside_by_m(self, s_m: float, d_m: float) -> float:
         """Metres by which a point at (s_m, d_m) lies beyond the lane's edge; negative inside the lane."""
@@ -139,28 +208,49 @@ class Centreline:
         return d_m - left if d_m >= 0 else -d_m - right
 
     def reversed(self) -> Self:
-        """The same route driven the other way; s_m starts at the same point."""
-        order = -np.arange(len(self.points_m))
+        """The same route driven the other way; a closed one's s_m starts at the same point, an open one's at the other end."""
+        order = -np.arange(len(self.points_m)) - (0 if self.closed else 1)
         return type(self)(
-            points_m=self.points_m[order], half_left_m=self.half_right_m[order], half_right_m=self.half_left_m[order]
+            points_m=self.points_m[order],
+            half_left_m=self.half_right_m[order],
+            half_right_m=self.half_left_m[order],
+            closed=self.closed,
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `from_dict` gives back an equal centreline, bit for bit."""
-        return {name: getattr(self, name).tolist() for name in _STORED}
+        return {**{name: getattr(self, name).tolist() for name in _STORED}, "closed": self.closed}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The centreline that `to_dict` wrote. Raises `InputError` where the numbers make no centreline."""
+        """The centreline that `to_dict` wrote. Raises `InputError` where the numbers make no centreline.
+
+        What was stored before there were open routes does not say that it is closed, and is.
+        """
         try:
-            return cls(**{name: np.asarray(data[name], dtype=np.float64) for name in _STORED})
+            arrays = {name: np.asarray(data[name], dtype=np.float64) for name in _STORED}
+            return cls(**arrays, closed=bool(data.get("closed", True)))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"centreline: {error!r} in its stored form") from error
 
-    def _segment_at(self, s_m: float) -> int:
+    def _round(self, s_m: float) -> float:
         if not math.isfinite(s_m):
             raise ValueError(f"s_m must be finite, not {s_m!r}")
-        return max(int(np.searchsorted(self.s_m, s_m % self.length_m, side="right")) - 1, 0)
+        return s_m % self.length_m if self.closed else s_m
+
+    def _segment_at(self, s_m: float) -> int:
+        at = int(np.searchsorted(self.s_m, self._round(s_m), side="right")) - 1
+        return min(max(at, 0), len(self._lengths_m) - 1)
+
+    def _between(self, s_m: float) -> tuple[int, int, float]:
+        """The points before and after `s_m` and the share 0..1 of the way between them."""
+        i = self._segment_at(s_m)
+        share = (self._round(s_m) - float(self.s_m[i])) / float(self._lengths_m[i])
+        return i, (i + 1) % len(self.points_m), share if self.closed else min(max(share, 0.0), 1.0)
+
+    def _projected(self, point_m: PointM, segments: NDArray[np.intp]) -> tuple[float, float]:
+        s_m, d_m = self._project(np.asarray(point_m, dtype=np.float64).reshape(1, 2), segments)
+        return float(s_m[0]), float(d_m[0])
 
     def _project(self, points: Points, segments: NDArray[np.intp]) -> tuple[Floats, Floats]:
         """Nearest projection of points (m, 2) on the segments (k,), as (s_m, d_m), each (m,)."""
@@ -173,7 +263,8 @@ class Centreline:
         rows = np.arange(len(points))
         side = tangents[best, 0] * dy[rows, best] - tangents[best, 1] * dx[rows, best]
         s_m = self.s_m[segments[best]] + along[rows, best]
-        s_m[s_m >= self.length_m] -= self.length_m
+        if self.closed:
+            s_m[s_m >= self.length_m] -= self.length_m
         return s_m, np.copysign(np.sqrt(apart[rows, best]), side)
 
 

@@ -1,99 +1,173 @@
-"""The choice of one closed loop through the lane graph: the outer one, or the one that passes the waypoints.
+"""The choice of one closed loop through the lane graph: the only one there is, or the one that passes the waypoints.
 
 Knows a graph in twin px. Knows no picture, no lane width beyond the reach it is told, and no metres.
+
+Where no waypoint says which loop is meant, each connected piece of lane offers its own (ADR 24): the walk that goes straight
+on at every crossing, if it uses every stretch of the piece once, so that a lane that crosses itself is driven as it was
+drawn; else the boundary of the piece, whatever branches lie within it; else, where that boundary passes a place twice (two
+loops that touch, or that one lane joins), each of the loops that it is made of. One loop in all is the route; of several
+none is taken: `SeveralLoops` names them.
 """
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
 from dnb_edge.track.graph import Edge, LaneGraph
+from dnb_edge.track.walk import (
+    MEND,
+    HalfEdge,
+    Stop,
+    Walk,
+    as_travelled,
+    branches,
+    ends_text,
+    leaving,
+    polyline,
+    stop_at,
+    turn_cost_px,
+    turn_rad,
+)
 from dnb_edge.values import PointPx, Points
 
 _SEARCH_LIMIT = 200_000
 """Steps of the search for a loop through waypoints; the paper's track needs 30."""
 
-HalfEdge = tuple[int, bool]
-"""An edge's index and True where it is travelled from `a` to `b`."""
+_STRAIGHT_RAD = math.radians(60)
+"""A lane that turns by more at a crossing does not go straight over it."""
+
+_MOST_NAMED = 6
 
 
-def outer_loop(graph: LaneGraph, *, reach_px: float, source: str) -> Points:
-    """The boundary of the graph's outer face as a closed polyline (n, 2), twin px, the first point not repeated.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loop:
+    """One of several loops that the route may be."""
+
+    letter: str
+    points_px: Points
+    """Shape (n, 2), twin px, along the skeleton; the last joins the first."""
+    length_px: float
+    """Along the skeleton, which is up to 8 % longer than the route."""
+    waypoints_px: tuple[PointPx, ...]
+    """With these the loop is chosen; the first lies in the middle of its longest stretch."""
+
+    def __str__(self) -> str:
+        """As the error names it."""
+        waypoints = " and ".join(f"{u:.0f},{v:.0f}" for u, v in self.waypoints_px)
+        plural = "s" if len(self.waypoints_px) > 1 else ""
+        return f"{self.letter} (about {self.length_px:.0f} px long, waypoint{plural} {waypoints})"
+
+
+class SeveralLoops(InputError):
+    """The lanes form several loops and nothing says which one is the route."""
+
+    def __init__(self, source: str, loops: tuple[Loop, ...]) -> None:
+        named = ", ".join(str(loop) for loop in loops[:_MOST_NAMED])
+        more = f" and {len(loops) - _MOST_NAMED} more" if len(loops) > _MOST_NAMED else ""
+        super().__init__(f"{source}: the lanes form {len(loops)} loops, {named}{more}: choose the route by its waypoint "
+                         "(--waypoint u,v, waypoints_px); --overlay draws the loops")  # fmt: skip
+        self.loops = loops
+
+
+def only_loop(graph: LaneGraph, *, reach_px: float, source: str) -> Points:
+    """The loop that the lanes form, as a closed polyline (n, 2), twin px, the first point not repeated; see this module.
 
     `reach_px` is how far from a junction its branches' directions are taken: about one half-width. `source` names the
-    picture in errors. Raises `InputError` where the lanes do not close to a loop.
+    picture in errors. Raises `InputError` where the lanes do not close to a loop, `SeveralLoops` where they form several.
     """
-    faces = [_Face.of(graph, walk) for walk in _faces(graph, reach_px)]
-    outer = max(faces, key=lambda face: abs(face.area), default=None)
-    if outer is None or abs(outer.area) < reach_px**2:
-        raise InputError(f"{source}: the lane is not closed{_ends_text(graph.dead_ends())}: {_MEND}")
-    seen = [i for i, _ in outer.walk]
-    twice = {i for i in seen if seen.count(i) > 1}
-    ends = [end for end in graph.dead_ends() if any(_has_end(graph.edges[i], end) for i in twice)]
-    if ends:
-        raise InputError(f"{source}: the outer lane is not closed{_ends_text(tuple(ends))}: {_MEND}, "
-                         "or choose another loop by waypoints")  # fmt: skip
-    if twice:
-        u, v = _middle(graph.edges[min(twice)])
-        raise InputError(f"{source}: the outer lane passes ({u:.0f}, {v:.0f}) twin px both ways, so it is no loop: "
-                         "choose a loop by waypoints")  # fmt: skip
-    return outer.points
+    walks = [walk for piece in _pieces(graph) for walk in _loops_of(graph, piece, reach_px, source)]
+    if not walks:
+        raise InputError(f"{source}: the lane is not closed{ends_text(graph.dead_ends())}: {MEND}")
+    if len(walks) > 1:
+        raise SeveralLoops(source, tuple(_named(graph, walk, k, reach_px, source) for k, walk in enumerate(walks)))
+    return polyline(graph, walks[0])
 
 
 def loop_through(
     graph: LaneGraph, waypoints_px: tuple[PointPx, ...], *, reach_px: float, far_px: float, source: str
 ) -> Points:
-    """The shortest closed loop that passes every waypoint's stretch of lane and no stretch twice, as `outer_loop` does.
+    """The shortest closed loop that passes every waypoint's stretch of lane and no stretch twice, as `only_loop` does.
 
-    Among loops of like length the one with the gentler turns is taken. Raises `InputError` for a waypoint further than
-    `far_px` from every lane's middle, and where no loop passes them all.
+    It passes them in their order, in that direction, where a loop does, else in any order. Among loops of like length the one
+    with the gentler turns is taken. Raises `InputError` for a waypoint further than `far_px` from every lane's middle, and
+    where no loop passes them all.
     """
-    required = [_nearest_edge(graph, waypoint, far_px, source) for waypoint in waypoints_px]
-    walk = _shortest_trail(graph, required, reach_px)
+    stops = [stop_at(graph, waypoint, far_px=far_px, source=source) for waypoint in waypoints_px]
+    walk = _shortest_trail(graph, stops, reach_px, source)
     if walk is None:
         where = ", ".join(f"({u:g}, {v:g})" for u, v in waypoints_px)
         raise InputError(f"{source}: no closed loop of lanes passes the waypoints {where} twin px"
-                         f"{_ends_text(graph.dead_ends())}: move the waypoints, or {_MEND}")  # fmt: skip
-    return _polyline(graph, walk)
+                         f"{ends_text(graph.dead_ends())}: move the waypoints, or {MEND}")  # fmt: skip
+    return polyline(graph, walk)
 
 
-_MEND = "draw the lane through, or set the gap that may be closed (close_gap_px) wider than the break"
+def _pieces(graph: LaneGraph) -> list[list[int]]:
+    """The edges of each connected piece."""
+    left, pieces = set(range(len(graph.edges))), []
+    while left:
+        piece, nodes = {min(left)}, {graph.edges[min(left)].a, graph.edges[min(left)].b}
+        while True:
+            more = {i for i in left - piece if {graph.edges[i].a, graph.edges[i].b} & nodes}
+            if not more:
+                break
+            piece |= more
+            nodes |= {node for i in more for node in (graph.edges[i].a, graph.edges[i].b)}
+        left -= piece
+        pieces.append(sorted(piece))
+    return pieces
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Face:
-    walk: tuple[HalfEdge, ...]
-    points: Points
-    area: float
-    """Signed; the outer face's is the largest in size, the sum of all others'."""
+def _loops_of(graph: LaneGraph, piece: Sequence[int], reach_px: float, source: str) -> list[Walk]:
+    """The loops that one connected piece of lane offers; none where it does not close."""
+    order = branches(graph, reach_px)
+    straight = _straight_walk(graph, piece, order, reach_px)
+    if straight is not None:
+        return [straight]
+    outer = max(_faces(piece, order), key=lambda walk: abs(_area(graph, walk)))
+    if abs(_area(graph, outer)) < reach_px**2:
+        return []
+    seen = [i for i, _ in outer]
+    twice = {i for i in seen if seen.count(i) > 1}
+    ends = [end for end in graph.dead_ends() if any(_has_end(graph.edges[i], end) for i in twice)]
+    if ends:
+        raise InputError(f"{source}: the outer lane is not closed{ends_text(ends)}: {MEND}, or choose another loop by "
+                         "waypoints")  # fmt: skip
+    return _simple_loops(graph, [half for half in outer if half[0] not in twice])
 
-    @classmethod
-    def of(cls, graph: LaneGraph, walk: tuple[HalfEdge, ...]) -> _Face:
-        points = _polyline(graph, walk)
-        x, y = points.T
-        area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
-        return cls(walk=walk, points=points, area=area)
+
+def _straight_walk(
+    graph: LaneGraph, piece: Sequence[int], order: dict[int, list[HalfEdge]], reach_px: float
+) -> Walk | None:
+    """The closed walk that goes straight over every crossing, where it uses every stretch of the piece; else None."""
+    start = (piece[0], True)
+    walk = [start]
+    while True:
+        i, forward = walk[-1]
+        around = order[as_travelled(graph, walk[-1]).b]
+        if len(around) % 2:
+            return None
+        onward = around[(around.index((i, not forward)) + len(around) // 2) % len(around)]
+        if len(around) > 2 and turn_rad(graph, walk[-1], onward, reach_px) > _STRAIGHT_RAD:
+            return None
+        if onward == start:
+            break
+        walk.append(onward)
+    is_whole = len(walk) == len(piece) and sum(graph.edges[i].length for i in piece) > 4 * reach_px
+    return tuple(walk) if is_whole else None
 
 
-def _faces(graph: LaneGraph, reach_px: float) -> list[tuple[HalfEdge, ...]]:
+def _faces(piece: Sequence[int], order: dict[int, list[HalfEdge]]) -> list[Walk]:
     """Every face's boundary: at each node the walk leaves by the branch next in angle to the one it came by."""
-    leaving: dict[int, list[tuple[float, HalfEdge]]] = defaultdict(list)
-    for i, edge in enumerate(graph.edges):
-        for forward in (True, False):
-            x, y = _direction(_as_travelled(graph, (i, forward)).points, reach_px)
-            leaving[edge.a if forward else edge.b].append((math.atan2(y, x), (i, forward)))
     following: dict[HalfEdge, HalfEdge] = {}
-    for branches in leaving.values():
-        order = [half for _, half in sorted(branches)]
-        for k, (i, forward) in enumerate(order):
-            following[i, not forward] = order[(k + 1) % len(order)]
-    faces, left = [], set(following)
+    for around in order.values():
+        for k, (i, forward) in enumerate(around):
+            following[i, not forward] = around[(k + 1) % len(around)]
+    faces, left = [], {(i, forward) for i in piece for forward in (True, False)}
     while left:
         start = min(left)
         walk = [start]
@@ -104,83 +178,88 @@ def _faces(graph: LaneGraph, reach_px: float) -> list[tuple[HalfEdge, ...]]:
     return faces
 
 
-def _shortest_trail(graph: LaneGraph, required: list[int], reach_px: float) -> tuple[HalfEdge, ...] | None:
+def _area(graph: LaneGraph, walk: Walk) -> float:
+    """Signed area that a face's boundary encloses; the outer face's is the largest in size, the sum of all others'."""
+    x, y = polyline(graph, walk).T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
+
+
+def _simple_loops(graph: LaneGraph, halves: Sequence[HalfEdge]) -> list[Walk]:
+    """The boundary's stretches cut where they pass a node again: loops that pass no node twice."""
+    loops: list[Walk] = []
+    open_halves: list[HalfEdge] = []
+    for half in halves:
+        open_halves.append(half)
+        here = as_travelled(graph, half).b
+        back = next((k for k, one in enumerate(open_halves) if as_travelled(graph, one).a == here), None)
+        if back is not None:
+            loops.append(tuple(open_halves[back:]))
+            del open_halves[back:]
+    return loops
+
+
+def _named(graph: LaneGraph, walk: Walk, k: int, reach_px: float, source: str) -> Loop:
+    """The loop with its letter and as few waypoints as choose it."""
+    longest = sorted({i for i, _ in walk}, key=lambda i: -graph.edges[i].length)
+    stops: list[Stop] = []
+    for i in longest:
+        index = len(graph.edges[i].points) // 2
+        u, v = graph.edges[i].points[index]
+        stops.append(Stop(edge=i, index=index, waypoint_px=(float(u), float(v))))
+        trail = _shortest_trail(graph, stops, reach_px, source)
+        if trail is not None and {edge for edge, _ in trail} == set(longest):
+            break
+    return Loop(
+        letter=chr(ord("A") + k) if k < 26 else str(k + 1),
+        points_px=polyline(graph, walk),
+        length_px=sum(graph.edges[i].length for i, _ in walk),
+        waypoints_px=tuple(stop.waypoint_px for stop in stops),
+    )
+
+
+def _shortest_trail(graph: LaneGraph, stops: Sequence[Stop], reach_px: float, source: str) -> Walk | None:
     """Depth-first search with a bound over closed walks without a repeated edge; the first waypoint's edge leads."""
-    lengths = [edge.length for edge in graph.edges]
-    leaving: dict[int, list[HalfEdge]] = defaultdict(list)
-    for i, edge in enumerate(graph.edges):
-        leaving[edge.a].append((i, True))
-        leaving[edge.b].append((i, False))
-    first = (required[0], True)
-    best: tuple[float, tuple[HalfEdge, ...]] | None = None
-    stack: list[tuple[float, tuple[HalfEdge, ...]]] = [(lengths[required[0]], (first,))]
+    required = {stop.edge for stop in stops}
+    onward = leaving(graph)
+    first = (stops[0].edge, True)
+    best: dict[bool, tuple[float, Walk]] = {}
+    stack: list[tuple[float, Walk]] = [(graph.edges[first[0]].length, (first,))]
     for _ in range(_SEARCH_LIMIT):
         if not stack:
-            return best[1] if best else None
+            chosen = best.get(True, best.get(False))
+            return chosen[1] if chosen else None
         cost, walk = stack.pop()
         used = {i for i, _ in walk}
-        here = _as_travelled(graph, walk[-1]).b
-        if here == graph.edges[required[0]].a and used.issuperset(required):
-            closed = cost + _turn_cost(graph, walk[-1], first, reach_px)
-            if best is None or closed < best[0]:
-                best = closed, walk
-        for half in leaving[here]:
-            longer = cost + lengths[half[0]] + _turn_cost(graph, walk[-1], half, reach_px)
-            if half[0] not in used and (best is None or longer < best[0]):
+        here = as_travelled(graph, walk[-1]).b
+        if here == graph.edges[first[0]].a and used >= required:
+            closed = cost + turn_cost_px(graph, walk[-1], first, reach_px)
+            in_order, turned = _in_order(graph, walk, stops)
+            if in_order not in best or closed < best[in_order][0]:
+                best[in_order] = closed, turned
+        for half in onward[here]:
+            longer = cost + graph.edges[half[0]].length + turn_cost_px(graph, walk[-1], half, reach_px)
+            if half[0] not in used and (True not in best or longer < best[True][0]):
                 stack.append((longer, (*walk, half)))
-    raise InputError(f"the lanes form too many loops to search ({len(graph.edges)} stretches): simplify the twin")
+    raise InputError(
+        f"{source}: the lanes form too many loops to search ({len(graph.edges)} stretches): simplify the twin"
+    )
 
 
-def _turn_cost(graph: LaneGraph, arriving: HalfEdge, leaving: HalfEdge, reach_px: float) -> float:
-    """Twin px that a turn at a junction counts for: one reach per radian, squared."""
-    x0, y0 = _direction(_as_travelled(graph, (arriving[0], not arriving[1])).points, reach_px)
-    x1, y1 = _direction(_as_travelled(graph, leaving).points, reach_px)
-    return reach_px * math.acos(max(-1.0, min(1.0, -(x0 * x1 + y0 * y1)))) ** 2
+def _in_order(graph: LaneGraph, walk: Walk, stops: Sequence[Stop]) -> tuple[bool, Walk]:
+    """Whether the closed walk passes the stops in their order, in either direction, and the walk turned into that one."""
+    for turned in (walk, tuple((i, not forward) for i, forward in reversed(walk))):
+        places = [_place(graph, turned, stop) for stop in stops]
+        lowest = places.index(min(places))
+        from_lowest = places[lowest:] + places[:lowest]
+        if from_lowest == sorted(from_lowest):
+            return True, turned
+    return False, walk
 
 
-def _as_travelled(graph: LaneGraph, half: HalfEdge) -> Edge:
-    return graph.edges[half[0]] if half[1] else graph.edges[half[0]].flipped()
-
-
-def _direction(points: Points, reach_px: float) -> tuple[float, float]:
-    """Unit vector from the first point to the one `reach_px` along, or a third of the way on a shorter edge."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate(([0.0], np.cumsum(steps)))
-    k = max(1, int(np.searchsorted(along, min(reach_px, along[-1] / 3))))
-    x, y = points[k] - points[0]
-    size = math.hypot(x, y) or 1.0
-    return float(x) / size, float(y) / size
-
-
-def _polyline(graph: LaneGraph, walk: tuple[HalfEdge, ...]) -> Points:
-    return np.vstack([_as_travelled(graph, half).points[:-1] for half in walk])
-
-
-def _nearest_edge(graph: LaneGraph, waypoint: PointPx, far_px: float, source: str) -> int:
-    nearest = [_distance(edge.points, waypoint) for edge in graph.edges]
-    best = int(np.argmin(nearest)) if nearest else -1
-    if best < 0 or nearest[best] > far_px:
-        away = f"{nearest[best]:.0f} px from" if nearest else "not on"
-        raise InputError(f"{source}: waypoint ({waypoint[0]:g}, {waypoint[1]:g}) twin px is {away} the middle of the "
-                         "nearest lane: put it on the lane that the route shall take")  # fmt: skip
-    return best
-
-
-def _distance(points: NDArray[np.float64], to: PointPx) -> float:
-    return float(np.hypot(points[:, 0] - to[0], points[:, 1] - to[1]).min())
+def _place(graph: LaneGraph, walk: Walk, stop: Stop) -> tuple[int, int]:
+    at = next(k for k, (i, _) in enumerate(walk) if i == stop.edge)
+    return at, stop.index if walk[at][1] else len(graph.edges[stop.edge].points) - stop.index
 
 
 def _has_end(edge: Edge, place: PointPx) -> bool:
     return any(math.dist(place, end) < 1e-9 for end in (edge.points[0], edge.points[-1]))
-
-
-def _middle(edge: Edge) -> PointPx:
-    u, v = edge.points[len(edge.points) // 2]
-    return float(u), float(v)
-
-
-def _ends_text(ends: tuple[PointPx, ...]) -> str:
-    """': it ends at (u, v) and (u, v) twin px', at most four of them."""
-    if not ends:
-        return ""
-    return ": it ends at " + " and ".join(f"({u:.0f}, {v:.0f})" for u, v in ends[:4]) + " twin px"

@@ -54,10 +54,14 @@ def test_every_legal_step_stands_in_the_table_and_no_other() -> None:
     every = set(itertools.product(LapState, Passing))
     assert every - legal == {
         (LapState.OUT_LAP, Passing.LAP_DONE),
+        (LapState.OUT_LAP, Passing.ARRIVED),
+        (LapState.OUT_LAP, Passing.ANEW),
         (LapState.OUT_LAP, Passing.RUN_DONE),
         (LapState.LAP, Passing.START),
         (LapState.FINISHED, Passing.START),
         (LapState.FINISHED, Passing.LAP_DONE),
+        (LapState.FINISHED, Passing.ARRIVED),
+        (LapState.FINISHED, Passing.ANEW),
         (LapState.FINISHED, Passing.RUN_DONE),
     }
 
