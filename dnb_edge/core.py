@@ -99,7 +99,8 @@ class Core:
         self._seats: dict[int, int] = {}
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
-        self._moved: list[_Moved] = []
+        # Stamps at which it changed how far the camera was known to have moved, and to what.
+        self._views: list[tuple[int, float | None]] = [(0, None)]
 
     @property
     def finished(self) -> bool:
@@ -113,7 +114,8 @@ class Core:
         if self._first_t_ns is None:
             self._first_t_ns = found.t_ns
         self._last_t_ns = found.t_ns
-        self._note_view(found)
+        if found.view_moved_m != self._views[-1][1]:
+            self._views.append((found.t_ns, found.view_moved_m))
         t_s = (found.t_ns - self._first_t_ns) * 1e-9
         sightings = [
             sighting
@@ -181,24 +183,17 @@ class Core:
             for x, y in self.parked()
         )
 
-    def _note_view(self, found: FrameDetections) -> None:
-        """Remembers from when to when the camera was known to have moved, and how far."""
-        if found.view_moved_m is None:
-            if self._moved and self._moved[-1].until_t_ns is None:
-                self._moved[-1] = replace(self._moved[-1], until_t_ns=found.t_ns)
-        elif not self._moved or self._moved[-1].until_t_ns is not None or self._moved[-1].moved_m != found.view_moved_m:
-            if self._moved and self._moved[-1].until_t_ns is None:
-                self._moved[-1] = replace(self._moved[-1], until_t_ns=found.t_ns)
-            self._moved.append(_Moved(from_t_ns=found.t_ns, until_t_ns=None, moved_m=found.view_moved_m))
-
     def _suspect(self, lap: Lap) -> tuple[str, ...]:
         """Why the numbers of a lap may be wrong though it was driven well."""
-        moved_m = max(
-            (moved.moved_m for moved in self._moved if moved.meets(lap.start_t_ns, lap.end_t_ns)), default=None
-        )
-        if moved_m is None:
+        untils = [*(t_ns for t_ns, _ in self._views[1:]), lap.end_t_ns + 1]
+        moved = [
+            moved_m
+            for (from_t_ns, moved_m), until_t_ns in zip(self._views, untils, strict=True)
+            if moved_m is not None and from_t_ns <= lap.end_t_ns and until_t_ns > lap.start_t_ns
+        ]
+        if not moved:
             return ()
-        size = f"{moved_m * 1e3:.0f} mm" if moved_m < 1.0 else f"{moved_m:.1f} m"
+        size = f"{max(moved) * 1e3:.0f} mm" if max(moved) < 1.0 else f"{max(moved):.1f} m"
         return (f"the camera had moved by {size} since it was calibrated",)
 
     def _seat(self, target_id: int) -> int:
@@ -262,20 +257,6 @@ class Core:
         )
         lap = replace(driven.lap, similarity_percent=score.similarity_percent)
         return [lap, replace(score, target_id=lap.target_id)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Moved:
-    """A time in which the camera was known to have moved by one distance."""
-
-    from_t_ns: int
-    until_t_ns: int | None
-    """The first frame that knew otherwise; None while it holds."""
-    moved_m: float
-
-    def meets(self, start_t_ns: int, end_t_ns: int) -> bool:
-        """Whether any of it lies between two instants."""
-        return self.from_t_ns <= end_t_ns and (self.until_t_ns is None or self.until_t_ns > start_t_ns)
 
 
 def _is_held(target: Followed) -> bool:

@@ -28,6 +28,7 @@ from dnb_edge.errors import WorkError
 from dnb_edge.record.recover import Recovery, recover_directory
 from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.values import RunSummary, SourceInfo
+from dnb_edge.view.drift import DriftWatch, watched_track
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +82,7 @@ def run_appliance(
             notifier=notifier,
             recorder=recorder,
             stop=stop,
+            drift=DriftWatch(watched_track(assembly.setup.ground, assembly.setup.track)),
         )
         try:
             with feed:

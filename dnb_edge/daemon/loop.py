@@ -11,7 +11,7 @@ import re
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.picture_health import PictureJudge
@@ -35,6 +35,7 @@ from dnb_edge.values import (
     RunSummary,
     SourceInfo,
 )
+from dnb_edge.view.drift import DriftWatch
 
 TICK_S = 0.25
 """Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
@@ -56,6 +57,8 @@ class Race:
     notifier: ServiceNotifier
     recorder: Recorder | None
     stop: threading.Event
+    drift: DriftWatch | None = None
+    """Watches whether the camera stays in its place; None where nobody does."""
     laps: int = 0
     _last_t_ns: int | None = None
     _told_fault: str | None = None
@@ -103,7 +106,8 @@ class Race:
         self.meter.frame(frame)
         picture_changed = self._pictures.look(image, frame.t_ns)
         self.meter.picture = self._pictures.fault
-        found = self._detect(image, frame)
+        view_changed = self._watch(image, frame)
+        found = replace(self._detect(image, frame), view_moved_m=self.meter.view_moved_m)
         for sink in self.sinks:
             sink.frame(frame, found)
         events = self.core.step(found)
@@ -112,8 +116,16 @@ class Race:
             self.meter.latency((time.monotonic_ns() - frame.t_ns) * 1e-6)
         for event in events:
             self._tell(event)
-        if self.meter.due or picture_changed:
+        if self.meter.due or picture_changed or view_changed:
             self._tell(self._health())
+
+    def _watch(self, image: BgrImage, frame: Frame) -> bool:
+        """Sees whether the camera is still in its place; True where that has changed. A blind picture tells nothing."""
+        if self.drift is None or not self._pictures.shows_something:
+            return False
+        changed = self.drift.look(image, frame.t_ns)
+        self.meter.view_moved_m, self.meter.view_warning = self.drift.moved_m, self.drift.warning
+        return changed
 
     def _detect(self, image: BgrImage, frame: Frame) -> FrameDetections:
         """What the detector finds; nothing in a picture that shows nothing, of which it must not learn a background either."""
@@ -131,9 +143,9 @@ class Race:
         self._told_fault = self.feed.fault
         faults = () if self._told_fault is None else (self._told_fault,)
         warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
-        health = self.meter.health(
-            display=self._display(), recording=self._recording(), warnings=warnings, notes=self.core.notes()
-        )
+        unwatched = None if self.drift is None else self.drift.note
+        notes = (*self.core.notes(), *(() if unwatched is None else (unwatched,)))
+        health = self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings, notes=notes)
         self._warn(health.warnings)
         return health
 

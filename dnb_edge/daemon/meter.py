@@ -32,6 +32,10 @@ class Meter:
     unreadable_frames: int = 0
     picture: PictureFault | None = None
     """What is wrong with the picture at present."""
+    view_moved_m: float | None = None
+    """How far the camera is known to have moved over the track, metres."""
+    view_warning: str | None = None
+    """The same in words."""
     _first_t_ns: int | None = None
     _last: Frame | None = None
     _period_t_ns: int = 0
@@ -76,6 +80,7 @@ class Meter:
         latency_ms = statistics.median(self._latencies_ms) if self._latencies_ms else None
         unreadable = (f"{self.unreadable_frames} unreadable pictures",) if self.unreadable_frames else ()
         picture = () if self.picture is None else (REMEDIES[self.picture],)
+        moved = () if self.view_warning is None else (self.view_warning,)
         health = Health(
             t_ns=t_ns,
             t_s=(t_ns - (self._first_t_ns or 0)) * 1e-9,
@@ -90,8 +95,9 @@ class Meter:
             view_error_mean_m=self.view_error_mean_m,
             notes=notes,
             # Boards show the first few: without a picture nothing else matters.
-            warnings=(*picture, *self.standing_warnings, *unreadable, *warnings),
+            warnings=(*picture, *moved, *self.standing_warnings, *unreadable, *warnings),
             picture=None if self.picture is None else self.picture.value,
+            view_moved_m=self.view_moved_m,
         )
         self._period_t_ns, self._period_frames = t_ns, 0
         self._latencies_ms.clear()
