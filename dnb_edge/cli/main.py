@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import bench, calibrate, config, demo, model, results, run, runs, teach, track
+from dnb_edge.cli import bench, calibrate, config, demo, model, mount, results, run, runs, teach, track
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
@@ -34,6 +34,7 @@ app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(runs.app, name="runs")
 app.add_typer(config.app, name="config")
 app.add_typer(model.app, name="model")
+app.add_typer(mount.app, name="mount")
 
 
 def _version(wanted: bool) -> None:
