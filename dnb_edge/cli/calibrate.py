@@ -5,9 +5,11 @@ from __future__ import annotations
 import typer
 
 from dnb_edge.cli.calibrate_keypoints import keypoints
+from dnb_edge.cli.calibrate_lens import lens
 
 app = typer.Typer(help="Tie the camera's picture to the twin, and say how well.", no_args_is_help=True)
 app.command("keypoints")(keypoints)
+app.command("lens")(lens)
 
 
 @app.callback()

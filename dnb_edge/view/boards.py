@@ -22,7 +22,9 @@ from dnb_edge.values import Points
 GreyImage = NDArray[np.uint8]
 """A picture, shape (height, width), uint8."""
 
-BOARD_FORMS = "chessboard:7x10:15mm (inner corners, a square's side) or charuco:5x7:30mm:22mm (squares, a square's side, a marker's)"
+BOARD_FORMS = (
+    "chessboard:7x10:15mm (inner corners, side of a square) or charuco:5x7:30mm:22mm (squares, side, marker's side)"
+)
 DEFAULT_DICTIONARY = "DICT_5X5_100"
 
 _LENGTH = re.compile(r"(\d+(?:\.\d*)?|\.\d+)(mm|cm|m)")

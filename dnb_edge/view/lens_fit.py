@@ -35,7 +35,8 @@ _VAGUE_SHARE = 0.05
 _UNSURE_SHARE = 0.01
 _BAD_RATIO = 2.0
 _BAD_PX = 0.3
-_HIGH_RMS_PX = 0.7
+_HIGH_RMS_PX = 0.5
+"""In pictures 1280 px wide: sharp pictures of a flat board reach half of it."""
 _TILT = "tilt the board by 30 to 45 degrees to different sides in at least five views"
 _PLACES = (("top left", "top", "top right"), ("left", "middle", "right"), ("bottom left", "bottom", "bottom right"))
 
@@ -251,8 +252,10 @@ def _notes(
             f"these views disagree with the others: {names}{then}: look at them, take them out if they are blurred"
         )
     elif rms_px > _HIGH_RMS_PX * lens.width_px / 1280:
+        worst = " and ".join(fit.name for fit in sorted(fits, key=lambda fit: -fit.rms_px)[:2])
         notes.append(
-            f"{rms_px:.2f} px is much, and no single view's doing: is the board flat and stiff, did it or the camera move?"
+            f"an RMS of {rms_px:.2f} px is much, and not one view's doing (largest: {worst}): is the board flat and stiff, did "
+            "it or the camera move?"
         )
     if len(fits) < GOOD_VIEWS:
         notes.append(f"{len(fits)} views: {GOOD_VIEWS} or more make the calibration surer")

@@ -177,7 +177,7 @@ def _start(seen: Sequence[Seen], size_px: tuple[int, int], model: LensModel, coe
     for ratio in _FOCAL_RATIOS[model]:
         focal = ratio * max(width, height)
         lens = np.array([focal, focal, (width - 1) / 2, (height - 1) / 2, *[0.0] * coefficients])
-        poses = np.array([_pose(view, lens, model) for view in seen])
+        poses = np.array([pose_of(view, lens, model) for view in seen])
         tried = Solution(model=model, lens=lens, poses=poses)
         cost = _cost(tried, seen, [np.ones(len(view.board_m)) for view in seen])
         if best is None or cost < least:
@@ -186,7 +186,7 @@ def _start(seen: Sequence[Seen], size_px: tuple[int, int], model: LensModel, coe
     return best
 
 
-def _pose(view: Seen, lens: Numbers, model: LensModel) -> Numbers:
+def pose_of(view: Seen, lens: Numbers, model: LensModel) -> Numbers:
     """(6,) the pose of one board seen through a lens without distortion."""
     rays = (view.camera_px - lens[2:4]) / lens[:2]
     if model is LensModel.FISHEYE:
