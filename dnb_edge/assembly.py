@@ -24,6 +24,7 @@ from dnb_edge.capture.source import FrameSource, open_source
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
+from dnb_edge.config.track_file import load_track
 from dnb_edge.core import CoreSetup
 from dnb_edge.detect.centre import CentreDetector
 from dnb_edge.detect.lean import LeanField
@@ -41,7 +42,6 @@ from dnb_edge.record.header import RunHeader, software_versions
 from dnb_edge.record.reader import iter_frames, read_run
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.build import TrackSettings, build_track
-from dnb_edge.track.file import load_track
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import LaneColour, load_twin

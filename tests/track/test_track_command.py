@@ -9,7 +9,7 @@ import pytest
 from twin_pictures import SIZE, painted, ring, theta
 
 from dnb_edge.cli.main import main
-from dnb_edge.track.file import load_track
+from dnb_edge.config.track_file import load_track
 
 PINK = ("--lane-hsv", "330,23,84")
 
@@ -131,7 +131,7 @@ def test_bad_input_is_one_line_and_code_2(shell, tmp_path, monkeypatch, mask, op
         (None, "cannot read the track file"),
         ("{", "not a track file"),
         ("[]", "not a track file"),
-        ('{"format": "dnb-edge track", "version": 9, "track": {}}', "of version 9, known is 1"),
+        ('{"format": "dnb-edge track", "version": 9, "track": {}}', "of version 9, known are 1 and 2"),
         ('{"format": "dnb-edge track", "version": 1, "track": {}}', "build the track file anew"),
     ],
 )
