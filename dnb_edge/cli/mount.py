@@ -156,16 +156,17 @@ def _check_outputs(out: list[Path]) -> None:
 
 
 def _optics(known: KnownCamera | None, hfov: float | None, size: str | None) -> Optics:
-    if known is None and hfov is None:
-        raise InputError(f"--hfov: give the lens's angle in degrees, or --camera ({', '.join(CAMERAS)})")
-    angle = hfov if hfov is not None else known.hfov_deg if known is not None else 0.0
+    if hfov is None:
+        if known is None:
+            raise InputError(f"--hfov: give the lens's angle in degrees, or --camera ({', '.join(CAMERAS)})")
+        hfov = known.hfov_deg
     width, height = (known.width_px, known.height_px) if known is not None else _DEFAULT_SIZE
     if size is not None:
         across, down = _pair("--size", size, "whole pixels, such as 1280x720")
         if across != int(across) or down != int(down) or not (16 <= down <= 20000 and 16 <= across <= 20000):
             raise InputError(f"--size {size}: must be whole pixels from 16 to 20000, such as 1280x720")
         width, height = int(across), int(down)
-    return Optics(hfov_deg=_within("--hfov", angle, 5.0, 160.0, "degrees"), width_px=width, height_px=height)
+    return Optics(hfov_deg=_within("--hfov", hfov, 5.0, 160.0, "degrees"), width_px=width, height_px=height)
 
 
 def _readout_s(known: KnownCamera | None, readout_ms: float | None) -> float | None:

@@ -126,14 +126,13 @@ def _draw_title(figure: Figure, plan: MountPlan, left: float, height: float) -> 
         color=_INK,
         va="center",
     )
-    sigmas = sorted(1e3 * point.crossing_sigma_s for point in (plan.near, plan.worst))
+    sigmas = sorted({f"{1e3 * point.crossing_sigma_s:.1f}" for point in (plan.near, plan.worst)}, key=float)
     figure.text(
         left,
         1.0 - 0.56 / height,
         f"{optics.width_px} \N{MULTIPLICATION SIGN} {optics.height_px} px, {optics.hfov_deg:g}\N{DEGREE SIGN} "
         f"\N{MULTIPLICATION SIGN} {optics.vfov_deg:.0f}\N{DEGREE SIGN}, {request.rate.fps:g} fps; at "
-        f"{request.car.speed_mps:g} m/s: blur {1e3 * plan.blur_m:.1f} mm, sigma of a crossing {sigmas[0]:.1f} to "
-        f"{sigmas[1]:.1f} ms",
+        f"{request.car.speed_mps:g} m/s: blur {1e3 * plan.blur_m:.1f} mm, sigma of a crossing {' to '.join(sigmas)} ms",
         fontsize=10,
         color=_FAINT,
         va="center",
@@ -175,7 +174,8 @@ def _draw_side(axes: Axes, plan: MountPlan, sheet: _Sheet) -> None:
     if abs(near) * sheet.scale > 0.05:
         words = "to the track" if near > 0 else "over the track"
         _dimension(axes, (0.0, -sheet.m(0.55)), (near, -sheet.m(0.55)), f"{abs(near):.2f} m {words}", beside=True)
-    axes.plot((0, 0), (-sheet.m(0.62), stand.height_m), color=_FAINT, linewidth=0.7, linestyle=(0, (2, 3)), zorder=1)
+    for low, high in ((0.0, stand.height_m), (-sheet.m(0.65), -sheet.m(0.48))):
+        axes.plot((0, 0), (low, high), color=_FAINT, linewidth=0.7, linestyle=(0, (2, 3)), zorder=1)
 
 
 def _ray_end(height_m: float, down_rad: float, sheet: _Sheet) -> tuple[float, float]:
@@ -260,13 +260,12 @@ def _draw_top(axes: Axes, plan: MountPlan, sheet: _Sheet) -> AxesImage:
             Polygon(margin, facecolor="none", edgecolor=_FAINT, linewidth=0.9, linestyle=(0, (4, 3)), zorder=3)
         )
     axes.plot(0, 0, marker="s", markersize=9, color=_INK, zorder=5)
-    room_above = (sheet.high_l - sheet.low_l) > sheet.m(0.8)
     axes.annotate(
-        "camera", (0, 0), (0, 8 if room_above else 0), textcoords="offset points", ha="center", va="bottom",
+        "camera", (0, 0), (-8, 0), textcoords="offset points", ha="right", va="center",
         fontsize=10, color=_INK, path_effects=_HALO, zorder=6,
     )  # fmt: skip
     for point, side in ((plan.near, "left"), (plan.far, "right")):
-        _label_resolution(axes, plan, point, side)
+        _label_resolution(axes, plan, sheet, point, side)
     return shading
 
 
@@ -299,15 +298,18 @@ def _shading(axes: Axes, plan: MountPlan) -> AxesImage:
     return image
 
 
-def _label_resolution(axes: Axes, plan: MountPlan, point: PointPlan, side: str) -> None:
-    """What a px covers at the near or the far end of the line of sight, written inside the track."""
+def _label_resolution(axes: Axes, plan: MountPlan, sheet: _Sheet, point: PointPlan, side: str) -> None:
+    """What a px covers at the near or the far end of the line of sight, inside the track or, if it is thin, beside it."""
+    lefts = _drawn(plan, plan.request.track.corners_m())[:, 1]
+    room_pt = 72.0 * sheet.scale * float(min(lefts.max(), -lefts.min()))
+    off_pt = 34.0 if not 0.0 < room_pt < 68.0 else room_pt + 12.0
     ((ahead, left),) = _drawn(plan, np.array([point.resolution.at_m]))
     axes.plot(ahead, left, marker="o", markersize=5, color=_INK, zorder=5)
     resolution = point.resolution
     axes.annotate(
         f"1 px = {resolution.across_mm:.2f} mm across,\n{resolution.along_mm:.2f} mm along",
         (ahead, left),
-        (10, 34) if side == "left" else (-10, -34),
+        (10, off_pt) if side == "left" else (-10, -off_pt),
         textcoords="offset points",
         ha=side,
         va="bottom" if side == "left" else "top",
