@@ -28,18 +28,17 @@ from dnb_edge.track.walk import (
     branches,
     ends_text,
     leaving,
+    pieces,
+    place_on,
     polyline,
     stop_at,
+    straight_on,
     turn_cost_px,
-    turn_rad,
 )
 from dnb_edge.values import PointPx, Points
 
 _SEARCH_LIMIT = 200_000
 """Steps of the search for a loop through waypoints; the paper's track needs 30."""
-
-_STRAIGHT_RAD = math.radians(60)
-"""A lane that turns by more at a crossing does not go straight over it."""
 
 _MOST_NAMED = 6
 
@@ -80,7 +79,7 @@ def only_loop(graph: LaneGraph, *, reach_px: float, source: str) -> Points:
     `reach_px` is how far from a junction its branches' directions are taken: about one half-width. `source` names the
     picture in errors. Raises `InputError` where the lanes do not close to a loop, `SeveralLoops` where they form several.
     """
-    walks = [walk for piece in _pieces(graph) for walk in _loops_of(graph, piece, reach_px, source)]
+    walks = [walk for piece in pieces(graph) for walk in _loops_of(graph, piece, reach_px, source)]
     if not walks:
         raise InputError(f"{source}: the lane is not closed{ends_text(graph.dead_ends())}: {MEND}")
     if len(walks) > 1:
@@ -104,22 +103,6 @@ def loop_through(
         raise InputError(f"{source}: no closed loop of lanes passes the waypoints {where} twin px"
                          f"{ends_text(graph.dead_ends())}: move the waypoints, or {MEND}")  # fmt: skip
     return polyline(graph, walk)
-
-
-def _pieces(graph: LaneGraph) -> list[list[int]]:
-    """The edges of each connected piece."""
-    left, pieces = set(range(len(graph.edges))), []
-    while left:
-        piece, nodes = {min(left)}, {graph.edges[min(left)].a, graph.edges[min(left)].b}
-        while True:
-            more = {i for i in left - piece if {graph.edges[i].a, graph.edges[i].b} & nodes}
-            if not more:
-                break
-            piece |= more
-            nodes |= {node for i in more for node in (graph.edges[i].a, graph.edges[i].b)}
-        left -= piece
-        pieces.append(sorted(piece))
-    return pieces
 
 
 def _loops_of(graph: LaneGraph, piece: Sequence[int], reach_px: float, source: str) -> list[Walk]:
@@ -147,12 +130,8 @@ def _straight_walk(
     start = (piece[0], True)
     walk = [start]
     while True:
-        i, forward = walk[-1]
-        around = order[as_travelled(graph, walk[-1]).b]
-        if len(around) % 2:
-            return None
-        onward = around[(around.index((i, not forward)) + len(around) // 2) % len(around)]
-        if len(around) > 2 and turn_rad(graph, walk[-1], onward, reach_px) > _STRAIGHT_RAD:
+        onward = straight_on(graph, order, walk[-1], reach_px)
+        if onward is None:
             return None
         if onward == start:
             break
@@ -248,17 +227,12 @@ def _shortest_trail(graph: LaneGraph, stops: Sequence[Stop], reach_px: float, so
 def _in_order(graph: LaneGraph, walk: Walk, stops: Sequence[Stop]) -> tuple[bool, Walk]:
     """Whether the closed walk passes the stops in their order, in either direction, and the walk turned into that one."""
     for turned in (walk, tuple((i, not forward) for i, forward in reversed(walk))):
-        places = [_place(graph, turned, stop) for stop in stops]
+        places = [place_on(graph, turned, stop) for stop in stops]
         lowest = places.index(min(places))
         from_lowest = places[lowest:] + places[:lowest]
         if from_lowest == sorted(from_lowest):
             return True, turned
     return False, walk
-
-
-def _place(graph: LaneGraph, walk: Walk, stop: Stop) -> tuple[int, int]:
-    at = next(k for k, (i, _) in enumerate(walk) if i == stop.edge)
-    return at, stop.index if walk[at][1] else len(graph.edges[stop.edge].points) - stop.index
 
 
 def _has_end(edge: Edge, place: PointPx) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,9 +20,13 @@ from dnb_edge.track.walk import (
     Stop,
     Walk,
     as_travelled,
+    branches,
     ends_text,
     leaving,
+    pieces,
+    place_on,
     stop_at,
+    straight_on,
     turn_cost_px,
 )
 from dnb_edge.values import PointPx, Points
@@ -40,7 +45,10 @@ def path_through(
 ) -> Points:
     """The shortest way from the first waypoint through the others, in their order, to the last: a polyline (n, 2), twin px.
 
-    It turns round nowhere, and may use a stretch of lane more than once. Turns at junctions count as `turn_cost_px` says.
+    It turns round nowhere, and may use a stretch of lane more than once. Turns at junctions count as `turn_cost_px` says. But a
+    lane that crosses itself is driven as it was drawn, straight over every crossing, where that uses every stretch of it once
+    and passes the waypoints in their order.
+
     Raises `InputError` for fewer than two waypoints, one further than `far_px` from every lane's middle, and where no way
     leads from one to the next.
     """
@@ -55,6 +63,9 @@ def path_through(
         )
         for forward in (True, False)
     }
+    drawn = _drawn_way(graph, stops, reach_px)
+    if drawn is not None:
+        return drawn
     for here, there in pairwise(stops):
         ways = _next_ways(graph, ways, here, there, reach_px)
         if not ways:
@@ -67,6 +78,27 @@ def path_through(
         raise InputError(f"{source}: the route from the first to the last waypoint is shorter than two lane widths: move "
                          "them apart")  # fmt: skip
     return best
+
+
+def _drawn_way(graph: LaneGraph, stops: Sequence[Stop], reach_px: float) -> Points | None:
+    """The way that goes straight over every crossing and uses every stretch of the piece of lane once; None where it does
+    not, or does not pass the stops in their order from the first stretch to the last.
+    """
+    piece = next(piece for piece in pieces(graph) if stops[0].edge in piece)
+    order = branches(graph, reach_px)
+    for forward in (True, False):
+        walk: list[HalfEdge] = [(stops[0].edge, forward)]
+        while (onward := straight_on(graph, order, walk[-1], reach_px)) is not None and onward not in walk:
+            walk.append(onward)
+        if sorted(i for i, _ in walk) != piece or {stop.edge for stop in stops} - set(piece):
+            continue
+        places = [place_on(graph, tuple(walk), stop) for stop in stops]
+        if places != sorted(places) or places[-1][0] != len(walk) - 1 or len(walk) < 2:
+            continue
+        parts = [as_travelled(graph, half).points for half in walk]
+        last = parts[-1][1 : places[-1][1] + 1]
+        return np.vstack((parts[0][places[0][1] :], *(part[1:] for part in parts[1:-1]), last))
+    return None
 
 
 def _index(graph: LaneGraph, stop: Stop, forward: bool) -> int:

@@ -21,6 +21,9 @@ HalfEdge = tuple[int, bool]
 
 Walk = tuple[HalfEdge, ...]
 
+_STRAIGHT_RAD = math.radians(60)
+"""A lane that turns by more at a crossing does not go straight over it."""
+
 _CLOSE = "draw the lane through, raise the widest gap that is closed (close_gap_px, --close-gap-px)"
 MEND = f"{_CLOSE}, or, where the route is to go from point to point, say so (closed: false, --open) with waypoints at its ends"
 """What to do about a lane that is not closed."""
@@ -73,6 +76,20 @@ def branches(graph: LaneGraph, reach_px: float) -> dict[int, list[HalfEdge]]:
             for node, halves in leaving(graph).items()}  # fmt: skip
 
 
+def straight_on(graph: LaneGraph, order: dict[int, list[HalfEdge]], half: HalfEdge, reach_px: float) -> HalfEdge | None:
+    """The stretch that goes straight on after `half`, over the crossing where that ends; None at a fork or a dead end, or
+    where none goes straight on. `order` is what `branches` says.
+    """
+    i, forward = half
+    around = order[as_travelled(graph, half).b]
+    if len(around) % 2:
+        return None
+    onward = around[(around.index((i, not forward)) + len(around) // 2) % len(around)]
+    if len(around) > 2 and turn_rad(graph, half, onward, reach_px) > _STRAIGHT_RAD:
+        return None
+    return onward
+
+
 def turn_rad(graph: LaneGraph, arriving: HalfEdge, going: HalfEdge, reach_px: float) -> float:
     """Angle 0..pi by which the way turns from one stretch to the next; 0 is straight on."""
     x0, y0 = _direction(as_travelled(graph, (arriving[0], not arriving[1])).points, reach_px)
@@ -83,6 +100,28 @@ def turn_rad(graph: LaneGraph, arriving: HalfEdge, going: HalfEdge, reach_px: fl
 def turn_cost_px(graph: LaneGraph, arriving: HalfEdge, going: HalfEdge, reach_px: float) -> float:
     """Twin px that a turn at a junction counts for: one reach per radian, squared."""
     return reach_px * turn_rad(graph, arriving, going, reach_px) ** 2
+
+
+def pieces(graph: LaneGraph) -> list[list[int]]:
+    """The edges of each connected piece."""
+    left, found = set(range(len(graph.edges))), []
+    while left:
+        piece, nodes = {min(left)}, {graph.edges[min(left)].a, graph.edges[min(left)].b}
+        while True:
+            more = {i for i in left - piece if {graph.edges[i].a, graph.edges[i].b} & nodes}
+            if not more:
+                break
+            piece |= more
+            nodes |= {node for i in more for node in (graph.edges[i].a, graph.edges[i].b)}
+        left -= piece
+        found.append(sorted(piece))
+    return found
+
+
+def place_on(graph: LaneGraph, walk: Walk, stop: Stop) -> tuple[int, int]:
+    """Where along the walk the stop lies: which of its stretches, and which of that one's points as travelled."""
+    at = next(k for k, (i, _) in enumerate(walk) if i == stop.edge)
+    return at, stop.index if walk[at][1] else len(graph.edges[stop.edge].points) - 1 - stop.index
 
 
 def polyline(graph: LaneGraph, walk: Sequence[HalfEdge]) -> Points:
