@@ -75,7 +75,7 @@ def plan(
     max_height: Annotated[float, typer.Option(help="How high a camera can be put, m.")] = 2.5,
     margin: Annotated[float, typer.Option(help="Floor round the track that must be in the picture, too, m.")] = 0.1,
     speed: Annotated[float, typer.Option(help="The car's, m/s.")] = 2.0,
-    car_length: Annotated[float, typer.Option(help="m.")] = 0.25,
+    car_length: Annotated[float, typer.Option(help="Of the car, m.")] = 0.25,
     car_height: Annotated[float, typer.Option(help="Of the car's top, or its roof marker, above the floor, m.")] = 0.1,
     sigma_px: Annotated[
         float | None,

@@ -27,6 +27,7 @@ _INK, _FAINT, _PAPER = "#1f2328", "#6e7781", "#ffffff"
 _VIEW, _VIEW_EDGE = "#dbe9f6", "#4a7fb5"
 _LOST = "#c0281c"
 _SHADES = "YlOrBr"
+_LABEL = {"facecolor": _PAPER, "edgecolor": "none", "alpha": 0.85, "pad": 2.0}
 _HALO = [effects.withStroke(linewidth=3.0, foreground=_PAPER)]
 _LEFT, _RIGHT, _TOP, _GAP, _BOTTOM = 0.75, 0.3, 0.85, 0.75, 1.35
 """Inches round and between the two views."""
@@ -121,7 +122,7 @@ def _draw_title(figure: Figure, plan: MountPlan, left: float, height: float) -> 
         1.0 - 0.28 / height,
         f"Camera {stand.height_m:.2f} m up, {stand.pitch_deg:g}\N{DEGREE SIGN} down; track "
         f"{request.track.width_m:g} \N{MULTIPLICATION SIGN} {request.track.depth_m:g} m, "
-        f"{100.0 * plan.coverage.share:.4g} % in the picture",
+        f"{100.0 * plan.coverage.share:.1f} % in the picture",
         fontsize=13,
         color=_INK,
         va="center",
@@ -166,7 +167,7 @@ def _draw_side(axes: Axes, plan: MountPlan, sheet: _Sheet) -> None:
     near, far = float(ahead.min()), float(ahead.max())
     axes.plot((near, far), (0, 0), color=_INK, linewidth=5.0, solid_capstyle="butt", zorder=4)
     axes.plot(*here, marker="s", markersize=9, color=_INK, zorder=5)
-    _pitch_arc(axes, stand.pitch_deg, stand.height_m, sheet)
+    _pitch_arc(axes, stand.pitch_deg, optics.vfov_deg, stand.height_m, sheet)
     beside = min(0.0, near, max(lower[0], sheet.low_a + sheet.m(_PAD))) - sheet.m(0.18)
     _dimension(axes, (beside, 0.0), (beside, stand.height_m), f"{stand.height_m:.2f} m")
     axes.plot((beside, 0.0), (stand.height_m,) * 2, color=_FAINT, linewidth=0.7, linestyle=(0, (2, 3)), zorder=1)
@@ -194,21 +195,20 @@ def _floor_corner(lower: tuple[float, float], upper: tuple[float, float], sheet:
     return [(end, 0.0) for end, ray in ((sheet.low_a, lower), (sheet.high_a, upper)) if ray[1] > 1e-9]
 
 
-def _pitch_arc(axes: Axes, pitch_deg: float, height_m: float, sheet: _Sheet) -> None:
-    """The angle between the horizon and the line of sight, with its figure beside it."""
+def _pitch_arc(axes: Axes, pitch_deg: float, vfov_deg: float, height_m: float, sheet: _Sheet) -> None:
+    """The angle between the horizon and the line of sight, with its figure above it."""
     radius = min(sheet.m(0.75), 0.75 * height_m)
     axes.plot((0, 1.25 * radius), (height_m, height_m), color=_FAINT, linewidth=0.7, linestyle=(0, (2, 3)), zorder=3)
     arc = Arc((0.0, height_m), 2 * radius, 2 * radius, theta1=-pitch_deg, theta2=0.0, color=_INK, linewidth=1.0)
     axes.add_patch(arc)
-    middle = math.radians(0.5 * pitch_deg)
     axes.annotate(
-        f"{pitch_deg:g}\N{DEGREE SIGN} down",
-        (radius * math.cos(middle), height_m - radius * math.sin(middle)),
-        (5, 0),
+        f"{pitch_deg:g}\N{DEGREE SIGN} down, the picture\n{vfov_deg:.0f}\N{DEGREE SIGN} from top to bottom",
+        (0.0, height_m),
+        (12, 4),
         textcoords="offset points",
         ha="left",
-        va="center",
-        fontsize=10,
+        va="bottom",
+        fontsize=9,
         color=_INK,
         path_effects=_HALO,
         zorder=6,
@@ -261,8 +261,8 @@ def _draw_top(axes: Axes, plan: MountPlan, sheet: _Sheet) -> AxesImage:
         )
     axes.plot(0, 0, marker="s", markersize=9, color=_INK, zorder=5)
     axes.annotate(
-        "camera", (0, 0), (-8, 0), textcoords="offset points", ha="right", va="center",
-        fontsize=10, color=_INK, path_effects=_HALO, zorder=6,
+        f"camera,\n{plan.request.optics.hfov_deg:g}\N{DEGREE SIGN} wide", (0, 0), (-9, 0), textcoords="offset points",
+        ha="right", va="center", fontsize=9, color=_INK, bbox=_LABEL, zorder=6,
     )  # fmt: skip
     for point, side in ((plan.near, "left"), (plan.far, "right")):
         _label_resolution(axes, plan, sheet, point, side)
@@ -315,7 +315,7 @@ def _label_resolution(axes: Axes, plan: MountPlan, sheet: _Sheet, point: PointPl
         va="bottom" if side == "left" else "top",
         fontsize=9,
         color=_INK,
-        bbox={"facecolor": _PAPER, "edgecolor": "none", "alpha": 0.85, "pad": 2.0},
+        bbox=_LABEL,
         arrowprops={
             "arrowstyle": "-",
             "color": _INK,
