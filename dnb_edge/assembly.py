@@ -104,9 +104,15 @@ def make_track(config: TrackConfig) -> Track:
         name=config.name,
         lane_colour=LaneColour(hue_deg=hue_deg, saturation_percent=saturation_percent, value_percent=value_percent),
         metres_per_px=_metres_per_px(config, height_px=float(image.shape[0])),
+        closed=config.closed,
         start_line_px=config.start_line_px,
+        start_at_px=config.start_at_px,
+        finish_line_px=config.finish_line_px,
+        finish_at_px=config.finish_at_px,
         sector_lines_px=config.sector_lines_px,
+        sectors_at_px=config.sectors_at_px,
         waypoints_px=config.waypoints_px,
+        close_gap_px=config.close_gap_px,
     )
     return build_track(image, settings, source=str(config.image))
 

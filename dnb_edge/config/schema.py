@@ -88,21 +88,43 @@ class TrackConfig(_Section):
     """One measured length, which fixes the scale."""
     metres_per_px: Positive | None = None
     """The scale directly, metres per twin px, where it is known."""
+    close_gap_px: Positive | None = None
+    """The widest seam across the lane that is drawing and not road, twin px; none for 0.4 % of the picture's longest side."""
+    closed: bool = True
+    """false: the route goes from the first waypoint to the last."""
     waypoints_px: tuple[Pixel, ...] = ()
-    """Points on the lane that the route passes, twin px; none for the outer loop."""
+    """Points on the lane that the route passes, in their order, twin px; none for the only loop, or the outer one of several
+    that hang together."""
     start_line_px: tuple[Pixel, Pixel] | None = None
     """The start line from -> to, twin px. Standing at `from` and looking to `to`, cars drive to the left."""
+    start_at_px: Pixel | None = None
+    """Instead: a place on the route, twin px; the line is drawn across the lane there. A closed route is then driven
+    anticlockwise, or in the order of three waypoints or more."""
+    finish_line_px: tuple[Pixel, Pixel] | None = None
+    """The line where a lap ends, twin px; none for the start line, or for one near the end of a route that is not closed."""
+    finish_at_px: Pixel | None = None
+    """Instead: a place on the route, twin px."""
     sector_lines_px: tuple[tuple[Pixel, Pixel], ...] = ()
     """More lines whose crossings are told, twin px."""
+    sectors_at_px: tuple[Pixel, ...] = ()
+    """More such lines, each across the lane at a place on the route, twin px."""
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
-        needed = {"image": self.image, "lane_hsv": self.lane_hsv, "start_line_px": self.start_line_px}
         if self.file is not None:
-            given = [name for name, value in needed.items() if value is not None]
+            fields = type(self).model_fields
+            given = [
+                name for name in fields if name not in ("name", "file") and getattr(self, name) != fields[name].default
+            ]
             if given:
                 raise ValueError(f"give file or {given[0]}, not both")
             return self
+        needed: dict[str, object] = {"image": self.image, "lane_hsv": self.lane_hsv}
+        if self.closed:
+            # Which way a closed route is driven is nothing to guess at.
+            needed["start_line_px"] = self.start_line_px if self.start_at_px is None else self.start_at_px
+        elif len(self.waypoints_px) < 2:
+            raise ValueError("closed: false needs waypoints_px: at least two, the route's first and last")
         missing = [name for name, value in needed.items() if value is None]
         if missing:
             raise ValueError(
