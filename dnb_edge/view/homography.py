@@ -84,6 +84,14 @@ def fit_ground_map(
     pairs: KeypointPairs, scale: TwinScale, *, width_px: int, height_px: int, lens: Lens | None = None
 ) -> GroundMap:
     """The ground map of pairs clicked on a picture of the given size. Raises `InputError` as `fit_homography` does."""
+    check_inside(pairs, width_px=width_px, height_px=height_px)
+    lens = None if lens is None else lens.scaled_to(width_px, height_px)
+    matrix = fit_homography(ideal_pairs(pairs, lens))
+    return GroundMap(camera_to_twin=matrix, scale=scale, width_px=width_px, height_px=height_px, lens=lens)
+
+
+def check_inside(pairs: KeypointPairs, *, width_px: int, height_px: int) -> None:
+    """Raises `InputError` where camera points lie outside the picture of the given size."""
     outside = [
         name
         for name, (u, v) in zip(pairs.names, pairs.camera_px, strict=True)
@@ -94,9 +102,6 @@ def fit_ground_map(
             f"{pairs.source}: camera keypoints {', '.join(outside)} lie outside the picture of {width_px}x{height_px} "
             "px: give the size of the picture on which they were clicked (image_size)"
         )
-    lens = None if lens is None else lens.scaled_to(width_px, height_px)
-    matrix = fit_homography(ideal_pairs(pairs, lens))
-    return GroundMap(camera_to_twin=matrix, scale=scale, width_px=width_px, height_px=height_px, lens=lens)
 
 
 def ideal_pairs(pairs: KeypointPairs, lens: Lens | None) -> KeypointPairs:
