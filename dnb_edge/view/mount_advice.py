@@ -37,7 +37,7 @@ def _cut_off(plan: MountPlan) -> str | None:
             "leaves the lane there is lost from sight."
         )
     corners = f", the corner{'s' if len(cover.cut_off) > 1 else ''} {_listed(cover.cut_off)}" if cover.cut_off else ""
-    return f"{100.0 * (1.0 - cover.share):.1f} % of the track is outside the picture{corners}: no lap is timed or scored there."
+    return f"{100.0 * (1.0 - cover.share):.1f} % of the track is outside the picture{corners}: a car there is not seen."
 
 
 def _better(plan: MountPlan) -> str | None:

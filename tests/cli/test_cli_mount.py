@@ -101,7 +101,7 @@ USUAL = ("--track", "3x2.2", "--hfov", "66")
         ((*USUAL, "--fps", "2"), "--fps 2"),
         ((*USUAL, "--exposure-ms", "0"), "--exposure-ms 0"),
         ((*USUAL, "--height", "0"), "--height 0"),
-        ((*USUAL, "--pitch", "91"), "--pitch 91"),
+        ((*USUAL, "--pitch", "91"), "--pitch 91: must be from 5 to 90 degrees"),
         ((*USUAL, "--pitch", "-10"), "--pitch -10"),
         ((*USUAL, "--speed", "0"), "--speed 0"),
         ((*USUAL, "--max-height", "0.1"), "--max-height 0.1"),

@@ -63,26 +63,30 @@ def red_pixels(picture):
 
 
 def test_side_and_top_view_have_one_scale():
-    """The track's depth takes as many pixels in the side view's black bar as in the top view's outline, and the outline
-    is as wide to deep as the track is."""
-    picture = decoded(mount_picture(plan(track=(3.0, 2.0))))
+    """The track's depth takes as many pixels in the side view's black bar as in the top view's outline, the outline is as
+    wide to deep as the track is, and the camera as high above the bar as it stands above the floor."""
+    found = plan(track=(3.0, 2.0))
+    picture = decoded(mount_picture(found))
     dark = picture.max(axis=2) < 50
     runs = [longest_run(row) for row in dark]
     bar_row = int(np.argmax(runs[: len(runs) // 2]))
-    bar = longest_run(dark[bar_row, :], skip=0, thick=dark[bar_row + 1, :] & dark[bar_row - 1, :])
+    bar = longest_run(dark[bar_row] & dark[bar_row + 1] & dark[bar_row - 1])
     top = runs[len(runs) // 2 :]
     outline = max(top)
     rows = [i for i, run in enumerate(top) if run >= outline - 1]
     assert bar == pytest.approx(outline, abs=3)
     assert (max(rows) - min(rows)) / outline == pytest.approx(3.0 / 2.0, abs=0.03)
+    # Only the camera's square is dark over nine by nine pixels.
+    square = np.argwhere(cv2.erode(dark.astype(np.uint8), np.ones((9, 9))))
+    up = bar_row - float(square[square[:, 0] < bar_row][:, 0].mean())
+    assert up / bar * 2.0 == pytest.approx(found.camera.stand.height_m, abs=0.04)
 
 
-def longest_run(row, *, skip=0, thick=None):
-    """Length of the longest run of dark pixels in a row, where `thick` is dark, too."""
-    both = row if thick is None else row & thick
-    edges = np.diff(np.concatenate(([0], both.astype(int), [0])))
+def longest_run(row):
+    """Length of the longest run of dark pixels in a row."""
+    edges = np.diff(np.concatenate(([0], row.astype(int), [0])))
     lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    return int(lengths.max()) if len(lengths) > skip else 0
+    return int(lengths.max()) if len(lengths) else 0
 
 
 @pytest.mark.parametrize("form", ["png", "svg"])
