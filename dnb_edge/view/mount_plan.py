@@ -118,12 +118,17 @@ def plan_mount(request: MountRequest) -> MountPlan:
 
 
 def _better(request: MountRequest, plan: MountPlan) -> MountPlan | None:
-    """The best place with height and pitch free, where it sees more of the track or the worst px covers 3 % less."""
+    """The best place with height and pitch free, where it sees more of the track or the worst px covers 3 % less.
+
+    The distance stays as given if the track fits from there at all.
+    """
     free = request.free
     if free.height_m is None and free.pitch_deg is None:
         return None
     freed = replace(free, height_m=None, pitch_deg=None)
     other = _plan_if_fits(request, request.limits, freed)
+    if other is None and not margin_fits(request, plan):
+        other = _plan_if_fits(request, request.limits, replace(freed, distance_m=None))
     if other is None:
         return None
     whole = margin_fits(request, plan)

@@ -327,6 +327,11 @@ def test_the_better_place_is_said_and_is_better() -> None:
     assert any(sentence.startswith("Better: ") for sentence in advice(plan))
     again = plan_at(plan.better.camera.stand)
     assert again.worst.resolution == plan.better.worst.resolution
+    # From 0.2 m no height and pitch show the whole track: another distance is offered, too.
+    near = plan_at(PLACES["too near"])
+    assert near.better is not None
+    assert near.better.coverage.share == pytest.approx(1.0)
+    assert any("the whole track would be in the picture" in sentence for sentence in advice(near))
 
 
 STEEP = plan_mount(request(optics=USUAL, track=TrackArea(width_m=1.5, depth_m=0.8), free=Free()))
