@@ -82,7 +82,7 @@ def run_appliance(
             notifier=notifier,
             recorder=recorder,
             stop=stop,
-            drift=DriftWatch(watched_track(assembly.setup.ground, assembly.setup.track)),
+            drift=DriftWatch(watched_track(assembly.setup.ground, assembly.setup.track.centreline.points_m)),
         )
         try:
             with feed:

@@ -7,6 +7,7 @@ on; two looks of three must say so before the camera counts as moved. The refere
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
 from collections.abc import Sequence
@@ -16,16 +17,22 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from dnb_edge.track.model import Track
 from dnb_edge.values import Points
 from dnb_edge.view.drift_motion import Motion
-from dnb_edge.view.drift_patches import Match, Patch, PatchSize, Picture, corner_points, grey, make_patch
-from dnb_edge.view.drift_reference import FEWEST_PARTS, PlaceReference, median_of_five
+from dnb_edge.view.drift_patches import MOST_PATCHES, Match, Patch, PatchSize, Picture, corner_points, grey, make_patch
+from dnb_edge.view.drift_reference import FEWEST_PARTS, PlaceReference, Search, median_of_five
 from dnb_edge.view.ground import GroundMap
 
 _TRACK_POINTS = 72
 _LEARN_PICTURES = 5
 _LEARN_PER_FRAME = 8
+_SEARCH_PER_FRAME = 1
+_STILL_SHARE = 0.25
+"""So many patches in their old place, for each that follows a motion, contradict it."""
+
+_HIDDEN = 0.4
+"""Where fewer than this share of the patches are seen, they may all have gone elsewhere."""
+
 TOO_LITTLE = "the floor shows too little for the camera's place to be watched: lay down markers"
 
 
@@ -43,12 +50,18 @@ class DriftSettings:
     """A look's patches are spread over so much time; 0: all in one frame."""
     learn_every_s: float = 0.6
     """Between the five pictures of which the reference is the median."""
-    least_agreement: float = 0.6
+    least_agreement: float = 0.4
     """Share of the patches seen that must agree on one motion, 0..1."""
     least_seen: float = 0.2
     """Share of all patches that must agree at least, 0..1."""
+    least_seen_far: float = 0.35
+    """The same where they were looked for elsewhere, after a search: then those that stayed are not seen."""
+    least_parts: float = 0.45
+    """Share of the parts of the picture with patches in which some must agree, 0..1."""
     sure: float = 4.0
     """The motion must be so many of its standard deviations."""
+    search_every_s: float = 2.5
+    """A search all over the picture takes longer than a look and comes no more often than this, seconds."""
     lost_share: float = 0.1
     """Where fewer of the patches than this share are seen, the picture may show something else, 0..1."""
     lost_s: float = 10.0
@@ -87,9 +100,8 @@ class WatchedTrack:
         return float(shift_m[worst]), float(np.sqrt(np.trace(covariance))), float(np.linalg.norm(shift_px[worst]))
 
 
-def watched_track(ground: GroundMap, track: Track) -> WatchedTrack:
-    """The route as `ground` sees it; those of its points that the picture shows, or all where it shows none."""
-    route_m = track.centreline.points_m
+def watched_track(ground: GroundMap, route_m: Points) -> WatchedTrack:
+    """The route, (n, 2) track m, as `ground` sees it: the points that the picture shows, or all where it shows none."""
     coarse = route_m[:: max(1, len(route_m) // 200)]
     span_m = float(np.linalg.norm(coarse[:, None] - coarse, axis=2).max())
     chosen = route_m[np.linspace(0, len(route_m) - 1, _TRACK_POINTS).astype(int)].tolist()
@@ -130,12 +142,12 @@ class DriftJudge:
         seen = sum(one is not None and one.seen for one in matches)
         motion = self.reference.motion(matches, expected) if seen else None
         agreeing = 0 if motion is None else int(motion.agreeing.sum())
-        if motion is None or not self._agreed(motion, agreeing, seen):
+        if motion is None or not self._agreed(motion, seen, far=expected is not None):
             return self._verdict(Verdict.UNSURE, None, agreeing, seen)
         moved_m, sigma_m, _ = measured = self.watched.displacement_m(motion)
         if moved_m <= self.settings.moved_share * self.watched.span_m:
             return self._verdict(Verdict.IN_PLACE, measured, agreeing, seen)
-        sure = moved_m >= self.settings.sure * sigma_m
+        sure = moved_m >= self.settings.sure * sigma_m and not self._contradicted(motion, matches)
         return self._verdict(Verdict.MOVED if sure else Verdict.UNSURE, measured, agreeing, seen)
 
     def look_at(self, picture: Picture) -> Look:
@@ -150,10 +162,32 @@ class DriftJudge:
         again = self.look([self.reference.find(index, picture, far) for index in range(count)], far)
         return look if again.verdict is Verdict.UNSURE else again
 
-    def _agreed(self, motion: Motion, agreeing: int, seen: int) -> bool:
-        settings = self.settings
-        fewest = max(6.0, settings.least_seen * len(self.reference.patches), settings.least_agreement * seen)
-        return agreeing >= fewest and self.reference.parts(motion.agreeing) >= FEWEST_PARTS - 1
+    def _agreed(self, motion: Motion, seen: int, *, far: bool) -> bool:
+        """Whether enough patches, in enough parts of the picture, follow the motion for it to be the camera's."""
+        settings, reference = self.settings, self.reference
+        count = len(reference.patches)
+        least_seen = settings.least_seen_far if far else settings.least_seen
+        fewest = max(6.0, least_seen * count, settings.least_agreement * seen)
+        everywhere = reference.parts(np.ones(count, dtype=bool))
+        fewest_parts = max(FEWEST_PARTS - 1, settings.least_parts * everywhere)
+        return bool(motion.agreeing.sum() >= fewest and reference.parts(motion.agreeing) >= fewest_parts)
+
+    def _contradicted(self, motion: Motion, matches: Sequence[Match | None]) -> bool:
+        """Whether patches that do not follow the motion are where they always were: then something in the picture was pushed,
+        a chair perhaps with more texture than all of the floor, and not the camera."""
+        tolerance_px = self.reference.tolerance_px
+        found = zip(matches, self.reference.patches, motion.agreeing.tolist(), strict=True)
+        still = np.array(
+            [
+                one is not None
+                and one.seen
+                and not follows
+                and math.dist(one.camera_px, patch.camera_px) <= tolerance_px
+                for one, patch, follows in found
+            ],
+            dtype=bool,
+        )
+        return bool(still.sum() >= _STILL_SHARE * motion.agreeing.sum() and self.reference.parts(still) >= 2)
 
     def _verdict(self, verdict: Verdict, measured: tuple[float, float, float] | None, agreeing: int, seen: int) -> Look:
         moved_m, sigma_m, moved_px = (None, None, None) if measured is None else measured
@@ -183,6 +217,8 @@ class DriftWatch:
         self._learner = _Learner(watched.camera_px, self._settings.learn_every_s)
         self._found: list[Match | None] = []
         self._expected: Motion | None = None
+        self._search: Search | None = None
+        self._searched_t_ns: int | None = None
         self._look_t_ns: int | None = None
         self._last_t_ns: int | None = None
         self._lost_since_ns: int | None = None
@@ -220,7 +256,7 @@ class DriftWatch:
         before = self._moved_m is None
         if self._last_t_ns is not None and t_ns - self._last_t_ns > 3e9 * self._settings.look_every_s:
             # What was seen of this look is of another time.
-            self._found, self._lost_since_ns = [], None
+            self._found, self._search, self._lost_since_ns = [], None, None
         self._last_t_ns = t_ns
         if self._judge is None:
             reference = self._learner.take(picture, t_ns)
@@ -236,6 +272,10 @@ class DriftWatch:
     def _step(self, judge: DriftJudge, picture: Picture, t_ns: int) -> None:
         """Looks at as many patches as are due by now; with the last of them the look ends."""
         settings, count = self._settings, len(judge.reference.patches)
+        if self._search is not None:
+            if self._search.step(count if settings.spread_s <= 0.0 else _SEARCH_PER_FRAME):
+                self._end_search(self._search, t_ns)
+            return
         if not self._found:
             if self._look_t_ns is not None and t_ns - self._look_t_ns < settings.look_every_s * 1e9 - 1e6:
                 return
@@ -249,34 +289,38 @@ class DriftWatch:
         if len(self._found) == count:
             look = judge.look(self._found, self._expected)
             self._found = []
-            self._conclude(judge, look, picture, t_ns)
+            self._count(look)
+            if self._worth_a_search(look, t_ns):
+                self._search, self._searched_t_ns = Search(judge.reference, picture), t_ns
 
-    def _conclude(self, judge: DriftJudge, look: Look, picture: Picture, t_ns: int) -> None:
-        self.last = look
-        hidden = look.seen < max(6.0, 0.4 * look.patches)
-        if look.verdict is Verdict.UNSURE and (hidden or self._expected is not None):
-            self._search(judge, look, picture, t_ns)
-        else:
+    def _worth_a_search(self, look: Look, t_ns: int) -> bool:
+        """Whether the patches are not where they are looked for, and were not just searched for in vain."""
+        if look.seen >= self._settings.lost_share * look.patches:
             self._lost_since_ns = None
-        self._recent.append(look)
-        self._count(look)
+        if look.verdict is not Verdict.UNSURE:
+            return False
+        hidden = look.seen < max(6.0, _HIDDEN * look.patches)
+        again = len(self._recent) > 1 and self._recent[-2].verdict is Verdict.UNSURE
+        rested = self._searched_t_ns is None or t_ns - self._searched_t_ns >= self._settings.search_every_s * 1e9
+        return rested and (hidden or again or self._expected is not None)
 
-    def _search(self, judge: DriftJudge, look: Look, picture: Picture, t_ns: int) -> None:
-        """The patches are not where they are looked for: looks all over the picture, for the next look."""
-        far, clear = judge.reference.search(picture)
-        self._expected = far
-        if far is not None or not clear or look.seen >= self._settings.lost_share * look.patches:
+    def _end_search(self, search: Search, t_ns: int) -> None:
+        self._search = None
+        self._expected, clear = search.result()
+        if self._expected is not None:
+            # The next look, round where the search puts the patches, is due at once; and if that is found wrong, a search.
+            self._look_t_ns = self._lost_since_ns = None
+        elif not clear or self.last is None or self.last.seen >= self._settings.lost_share * self.last.patches:
             self._lost_since_ns = None
         elif self._lost_since_ns is None:
             self._lost_since_ns = t_ns
         elif t_ns - self._lost_since_ns >= self._settings.lost_s * 1e9:
             self._elsewhere, self._moved_m = True, self._watched.span_m
-        if far is not None:
-            # The next look, round where the search puts them, is due at once.
-            self._look_t_ns = None
 
     def _count(self, look: Look) -> None:
         """Believes what looks agree on."""
+        self.last = look
+        self._recent.append(look)
         moved = [one.moved_m for one in self._recent if one.verdict is Verdict.MOVED and one.moved_m is not None]
         if look.verdict is Verdict.MOVED and len(moved) >= 2:
             latest_m = statistics.median(moved)
@@ -312,7 +356,9 @@ class _Learner:
         now, self._points = self._points[:_LEARN_PER_FRAME], self._points[_LEARN_PER_FRAME:]
         made = (make_patch(self._median, point, size) for point in now)
         self._patches += [patch for patch in made if patch is not None]
-        return None if self._points else PlaceReference.from_patches(self._median, self._patches)
+        if self._points and len(self._patches) < MOST_PATCHES:
+            return None
+        return PlaceReference.from_patches(self._median, self._patches)
 
     def _gather(self, picture: Picture, t_ns: int) -> None:
         if self._taken_t_ns is not None and t_ns - self._taken_t_ns < self._every_s * 1e9 - 1e6:

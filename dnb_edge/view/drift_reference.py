@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dnb_edge.values import Points
 from dnb_edge.view.drift_motion import Motion, common_motion
 from dnb_edge.view.drift_patches import (
+    MOST_PATCHES,
     Match,
     Patch,
     PatchSize,
@@ -41,7 +42,7 @@ _COARSE_FEWEST = 4
 _FAINT = 0.35
 """A picture with less than this share of the reference's contrast is too faint for anything to be said."""
 
-FEWEST_PATCHES = 12
+FEWEST_PATCHES = 10
 _NINTHS = 3
 FEWEST_PARTS = 4
 """Of nine parts of the picture so many must hold patches."""
@@ -106,7 +107,7 @@ class PlaceReference:
         return cls(
             size_px=(width, height),
             patch_size=PatchSize.for_width(width),
-            patches=tuple(patches),
+            patches=tuple(patches[:MOST_PATCHES]),
             coarse=Coarse.of(picture),
         )
 
@@ -157,26 +158,51 @@ class PlaceReference:
         return Motion(numbers=motion.numbers, covariance=motion.covariance, agreeing=agreeing, size_px=motion.size_px)
 
     def search(self, picture: Picture) -> tuple[Motion | None, bool]:
-        """Looks over the whole of `picture`: the motion that large patches agree on, None where they do not; and whether the
-        picture shows enough that it would have been found."""
-        plane = coarse_plane(picture)
-        clear = float(plane.std()) >= _FAINT * self.coarse.contrast
-        found = [best_place(plane, template) for template in self.coarse.templates]
-        seen = np.array([inside and score >= _COARSE_SEEN for _, _, score, inside in found], dtype=bool)
+        """A whole `Search` of `picture` at once."""
+        search = Search(self, picture)
+        search.step(len(self.coarse.templates))
+        return search.result()
+
+
+class Search:
+    """Looks for the reference all over one picture, a few of its large patches at a time."""
+
+    def __init__(self, reference: PlaceReference, picture: Picture) -> None:
+        self._reference = reference
+        self._plane = coarse_plane(picture)
+        self._found: list[tuple[float, float, float, bool]] = []
+
+    def step(self, count: int) -> bool:
+        """Looks for `count` more patches; True once all have been looked for."""
+        templates = self._reference.coarse.templates
+        for template in templates[len(self._found) : len(self._found) + count]:
+            self._found.append(best_place(self._plane, template))
+        return len(self._found) == len(templates)
+
+    def result(self) -> tuple[Motion | None, bool]:
+        """The motion that the large patches agree on, None where they do not; and whether the picture shows enough that it
+        would have been found."""
+        coarse = self._reference.coarse
+        clear = float(self._plane.std()) >= _FAINT * coarse.contrast
+        seen = np.array([inside and score >= _COARSE_SEEN for _, _, score, inside in self._found], dtype=bool)
         if seen.sum() < _COARSE_FEWEST:
             return None, clear
-        before = self.coarse.camera_px[seen]
-        after = np.array([(u + _COARSE_HALF_PX, v + _COARSE_HALF_PX) for u, v, _, _ in found])[seen]
-        height, width = plane.shape
+        before = coarse.camera_px[seen]
+        after = np.array([(u + _COARSE_HALF_PX, v + _COARSE_HALF_PX) for u, v, _, _ in self._found])[seen]
+        height, width = self._plane.shape
         motion = common_motion(before, after - before, (width, height), tolerance_px=_COARSE_TOLERANCE_PX)
         if motion is None or motion.agreeing.sum() < max(_COARSE_FEWEST, 0.5 * seen.sum()):
             return None, clear
-        scale = self.size_px[0] / width
+        still = ~motion.agreeing & (np.linalg.norm(after - before, axis=1) <= _COARSE_TOLERANCE_PX)
+        if still.sum() >= 2:
+            # What moved is something in the picture: all of it cannot both move and stay.
+            return None, clear
+        size_px = self._reference.size_px
+        scale = size_px[0] / width
         # Perspective of a few large patches is mostly noise.
         numbers = np.concatenate((motion.numbers[:4], np.zeros(4))) * scale
-        return Motion(
-            numbers=numbers, covariance=motion.covariance * scale**2, agreeing=motion.agreeing, size_px=self.size_px
-        ), clear
+        covariance = motion.covariance * scale**2
+        return Motion(numbers=numbers, covariance=covariance, agreeing=motion.agreeing, size_px=size_px), clear
 
 
 def median_of_five(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
