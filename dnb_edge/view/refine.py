@@ -42,8 +42,9 @@ T = TypeVar("T")
 CLICK_SIGMA_PX = 1.5
 """Of a careful click along either axis, camera px of the picture that was clicked on."""
 
-_LEAST_REACH_PX = 6.0
-"""At 1280 px across; larger pictures reach as far in proportion."""
+_LEAST_REACH_PX = 12.0
+"""At 1280 px across; larger pictures reach as far in proportion. More than careful clicks need: that the camera was moved is
+seen by edges that are found, but not where the clicks allow."""
 
 _SIGMAS = 3.0
 _MOST_REACH = 0.45
@@ -59,7 +60,16 @@ _FEWEST_HEARD = 0.5
 """Share of the edges found that must agree with the map fitted to them."""
 
 _ROUNDS = 8
+_LEARN_ROUNDS = 2
+"""After the first so many fits the lane's look is learnt again, nearer to its edges."""
+
 _STILL_PX = 0.02
+_TENSION = 1.8
+"""Of eight degrees of freedom chi squared is greater than so many sigmas squared, a degree, once in a thousand times."""
+
+_NOISE = 2.0
+"""Standard errors by which the errors at left-out keypoints must grow to count as worse."""
+
 _FARTHEST = 1.5
 _BEYOND = 0.05
 """Share of the edges that may come to lie further away than so many times the reach: the clicks' own sigma is but estimated."""
@@ -78,6 +88,9 @@ class Refinement:
     """Why it is better, or not: one sentence."""
     reach_px: float
     """How far from where the calibration puts it the lane was sought, at most; camera px of the picture."""
+    tension: float
+    """By how many sigmas the map of the edges by themselves differs from the keypoints' (or the given one): about 1 where
+    both are true."""
     moved_px: float
     """How far the refinement moves the lane's edges in the picture, at most."""
     edges_twin_px: Points
@@ -144,7 +157,7 @@ def refine(
         left_out = _left_out(scene, pairs, sigma_px * across)
         before = before.with_keypoints(_keypoint_errors(scene.plane, first, pairs), left_out[0])
         after = after.with_keypoints(_keypoint_errors(scene.plane, last, pairs), left_out[1])
-    better, reason = _verdict(before, after)
+    better, reason = _verdict(before, after, aligned.solved.tension)
     on_before, on_after = (scene.plane.project(p, edges.points_px) for p in (first, last))
     seen = _in_picture(on_before, (width_px, height_px)) & _in_picture(on_after, (width_px, height_px))
     return Refinement(
@@ -154,6 +167,7 @@ def refine(
         better=better,
         reason=reason,
         reach_px=float(aligned.reach_px.max()),
+        tension=aligned.solved.tension,
         moved_px=float(np.linalg.norm(on_after - on_before, axis=1)[seen].max(initial=0.0)),
         edges_twin_px=edges.points_px,
         edges_before_px=on_before,
@@ -199,8 +213,9 @@ def _align(scene: _Scene, first: Floats, known: KnownPoints) -> _Aligned:
         solved = solve(plane, p, known, lines)
         moved = plane.project(solved.p, lines.twin_px) - plane.project(p, lines.twin_px)
         p = solved.p
-        if number == 0:
-            look = _learn(scene, p, np.maximum(0.5 * reach_px, _least_reach_px(scene)), lane_px)
+        if number < _LEARN_ROUNDS:
+            sure_px = max(0.2 * _least_reach_px(scene), 3.0 * solved.scale_px)
+            look = _learn(scene, p, np.full(len(edges), sure_px), lane_px)
         elif np.abs(moved).max() < _STILL_PX:
             break
         reach_px = np.clip(0.6 * reach_px, max(_least_reach_px(scene), 4.0 * solved.scale_px), first_reach)
@@ -344,12 +359,17 @@ def _without(pairs: KeypointPairs, k: int) -> KeypointPairs:
     return replace(pairs, camera_px=others(pairs.camera_px), twin_px=others(pairs.twin_px), names=others(pairs.names))
 
 
-def _verdict(before: Agreement, after: Agreement) -> tuple[bool, str]:
+def _verdict(before: Agreement, after: Agreement, tension: float) -> tuple[bool, str]:
     """Whether to take it, and why."""
+    if tension > _TENSION:
+        return False, (
+            f"the lane's edges contradict the calibration by {tension:.1f} sigmas: the camera was moved since, or the twin is "
+            "not drawn as the lane lies"
+        )
     was, now = before.left_out_px, after.left_out_px
     if was is not None and now is not None:
         worse = now - was
-        noise = float(worse.std(ddof=1) / np.sqrt(len(worse)))
+        noise = _NOISE * float(worse.std(ddof=1) / np.sqrt(len(worse)))
         if worse.mean() > noise:
             return False, (
                 f"keypoints that were left out lie {now.mean():.1f} twin px from where it puts them, {was.mean():.1f} px "

@@ -6,7 +6,7 @@ where clicking and finding edges err.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ _TUKEY = 4.685
 
 _LEAST_SCALE_PX = 0.25
 _STEPS = 12
+_HARDLY = 30.0
+"""By so much the known points' sigmas are raised to see what the edges say by themselves."""
 _STILL_PX = 1e-3
 
 
@@ -123,6 +125,10 @@ class KnownPoints:
     information: Floats
     """The present map's parameters (8,) and the inverse of their covariance (8, 8); zeros where keypoints say it."""
 
+    def weaker(self, times: float) -> KnownPoints:
+        """The same with sigmas so many times as large."""
+        return replace(self, sigma_px=self.sigma_px * times, information=self.information / times**2)
+
     def normal(self, plane: PlaneToPicture, p: Floats) -> tuple[Floats, Floats]:
         """These terms' normal matrix (8, 8) and right side (8,) about `p`."""
         matrix, side = self.information.copy(), self.information @ (self.at - p)
@@ -163,6 +169,8 @@ class Solved:
     """About how many neighbouring edge points err alike: where the twin is drawn a little wrong, all along do."""
     weight: Floats
     """What each line had to say, 0..1."""
+    tension: float
+    """By how many sigmas the edges' own map differs from the known points' own; about 1 where both are true."""
 
 
 def solve_points(plane: PlaneToPicture, p: Floats, known: KnownPoints) -> tuple[Floats, Floats]:
@@ -177,13 +185,25 @@ def solve_points(plane: PlaneToPicture, p: Floats, known: KnownPoints) -> tuple[
 
 
 def solve(plane: PlaneToPicture, p: Floats, known: KnownPoints, lines: FoundLines) -> Solved:
-    """The joint fit, from `p` on, by iteratively reweighted least squares (Gauss and Newton's steps, Tukey's weights).
+    """The joint fit of known points and edges, from `p` on.
 
-    Edges err alike along a border, so n of them say no more than n / run independent ones would: run is one plus twice the
-    sum of their residuals' autocorrelation.
+    How well edges tell is learnt where they are fitted by themselves: their scale about that fit, and how many neighbours
+    err alike, so that n of them say no more than n / run independent ones would.
     """
-    run, scale_px = 1.0, _scale_px(lines.off_px(plane, p), np.ones(len(lines.slot)))
-    weight = _tukey(lines.off_px(plane, p), scale_px)
+    alone = _fit(plane, p, known.weaker(_HARDLY), lines, noise=None)
+    together = _fit(plane, alone.p, known, lines, noise=(alone.scale_px, alone.run))
+    return replace(together, tension=_tension(plane, alone, known))
+
+
+def _fit(
+    plane: PlaneToPicture, p: Floats, known: KnownPoints, lines: FoundLines, *, noise: tuple[float, float] | None
+) -> Solved:
+    """Iteratively reweighted least squares: Gauss and Newton's steps, Tukey's weights. `noise` is the edges' (scale, run);
+    None to learn it.
+    """
+    off = lines.off_px(plane, p)
+    scale_px, run = noise if noise is not None else (_scale_px(off, np.ones(len(off))), 1.0)
+    weight = _tukey(off, scale_px)
     for _ in range(_STEPS):
         off = lines.off_px(plane, p)
         slopes = np.einsum("nij,ni->nj", plane.slopes(p, lines.twin_px), lines.outward)
@@ -193,16 +213,26 @@ def solve(plane: PlaneToPicture, p: Floats, known: KnownPoints, lines: FoundLine
         moved = plane.project(p + step, lines.twin_px) - plane.project(p, lines.twin_px)
         p = p + step
         off = lines.off_px(plane, p)
-        scale_px = _scale_px(off, weight)
+        if noise is None:
+            scale_px = _scale_px(off, weight)
         weight = _tukey(off, scale_px)
-        run = _run(off, weight, lines.slot)
+        if noise is None:
+            run = _run(off, weight, lines.slot)
         if np.abs(moved).max() < _STILL_PX:
             break
     slopes = np.einsum("nij,ni->nj", plane.slopes(p, lines.twin_px), lines.outward)
     share = weight / (scale_px**2 * run)
     matrix = known.normal(plane, p)[0] + (slopes * share[:, None]).T @ slopes
     covariance = np.asarray(np.linalg.pinv(matrix, rcond=1e-14, hermitian=True))
-    return Solved(p=p, covariance=covariance, scale_px=scale_px, run=run, weight=weight)
+    return Solved(p=p, covariance=covariance, scale_px=scale_px, run=run, weight=weight, tension=0.0)
+
+
+def _tension(plane: PlaneToPicture, alone: Solved, known: KnownPoints) -> float:
+    """By how many sigmas the edges' own map and the known points' differ: the root of chi squared over its eight degrees."""
+    points, covariance = solve_points(plane, known.at, known)
+    apart = alone.p - points
+    spread = np.linalg.pinv(alone.covariance + covariance, rcond=1e-14, hermitian=True)
+    return float(np.sqrt(max(0.0, float(apart @ spread @ apart)) / 8.0))
 
 
 def click_sigma_px(plane: PlaneToPicture, p: Floats, known: KnownPoints) -> float:
