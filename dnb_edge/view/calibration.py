@@ -81,19 +81,7 @@ class Calibration:
         """
         if self.covariance is None:
             raise ValueError("the covariance of this calibration is not known")
-        u, v = self.ground.to_ideal_px(camera_px).T
-        h = np.array(self.ground.camera_to_twin).reshape(3, 3)
-        x, y, w = h @ np.vstack((u, v, np.ones_like(u)))
-        if not (w > 0).all():
-            raise ValueError("a camera px beyond the horizon has no place on the floor")
-        zero, one = np.zeros_like(u), np.ones_like(u)
-        p = np.stack((u, v, one), axis=1) / w[:, None]
-        none = np.stack((zero, zero, zero), axis=1)
-        to_x = np.concatenate((p, none, -p * (x / w)[:, None]), axis=1)
-        to_y = np.concatenate((none, p, -p * (y / w)[:, None]), axis=1)
-        step = self.ground.scale.metres_per_px
-        # y points up on the track plane and down on the twin.
-        jacobian = np.stack((to_x, -to_y), axis=1) * step
+        jacobian = place_jacobian(self.ground, camera_px)
         return np.asarray(jacobian @ np.array(self.covariance) @ jacobian.transpose(0, 2, 1))
 
     def for_camera(self, *, width_px: int, height_px: int, camera_id: str | None) -> GroundMap:
@@ -135,3 +123,23 @@ class Calibration:
             math.isfinite(number) for row in self.covariance for number in row
         ):
             raise InputError("calibration: its covariance must be nine rows of nine finite numbers: calibrate again")
+
+
+def place_jacobian(ground: GroundMap, camera_px: Points) -> NDArray[np.float64]:
+    """d(track m)/d(`camera_to_twin`'s nine numbers), shape (n, 2, 9), at camera px (n, 2).
+
+    Raises `ValueError` where a point lies beyond the horizon.
+    """
+    u, v = ground.to_ideal_px(camera_px).T
+    h = np.array(ground.camera_to_twin).reshape(3, 3)
+    x, y, w = h @ np.vstack((u, v, np.ones_like(u)))
+    if not (w > 0).all():
+        raise ValueError("a camera px beyond the horizon has no place on the floor")
+    zero, one = np.zeros_like(u), np.ones_like(u)
+    p = np.stack((u, v, one), axis=1) / w[:, None]
+    none = np.stack((zero, zero, zero), axis=1)
+    to_x = np.concatenate((p, none, -p * (x / w)[:, None]), axis=1)
+    to_y = np.concatenate((none, p, -p * (y / w)[:, None]), axis=1)
+    step = ground.scale.metres_per_px
+    # y points up on the track plane and down on the twin.
+    return np.asarray(np.stack((to_x, -to_y), axis=1) * step)

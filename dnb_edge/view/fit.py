@@ -63,6 +63,8 @@ class KeypointFit:
     """One standard deviation of a click along either axis, camera px, as estimated; the faults of the drawing are in it."""
     twin_sigma_px: float
     """The same of the twin's points, twin px."""
+    caution: float
+    """By what the covariance exceeds that of noise of the two sigmas: Student's factor and the drawing's (see above)."""
     misfit: bool
     """True where the keypoints scatter by more than twice the stated sigma."""
 
@@ -138,6 +140,7 @@ def fit_keypoints(
         suspects=tuple(pairs.names[k] for k in findings.suspects),
         click_sigma_px=click_sigma_px * root,
         twin_sigma_px=twin_sigma_px * root,
+        caution=student * local,
         misfit=factor > _SLOPPY,
     )
     notes = (*_notes(found, len(pairs), click_sigma_px), *pose_note)

@@ -7,7 +7,8 @@ Knows points and their names, and reads .npy arrays of them. Knows no homography
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -45,6 +46,9 @@ class KeypointPairs:
             raise InputError(
                 f"{self.source}: {len(self.names)} names for {counts[0]} pairs of keypoints: name each pair"
             )
+        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        if twice:
+            raise InputError(f"{self.source}: several keypoints are called {twice[0]}: give each a name of its own")
         if counts[0] < _FEWEST:
             raise InputError(f"{self.source}: {counts[0]} pairs of keypoints: a homography needs at least {_FEWEST}")
         for side, points in (("camera", self.camera_px), ("twin", self.twin_px)):
@@ -58,6 +62,19 @@ class KeypointPairs:
         sides = [tuple((float(u), float(v)) for u, v in array) for array in (camera_px, twin_px)]
         given = names if names is not None else tuple(str(k) for k in range(1, len(sides[0]) + 1))
         return cls(camera_px=sides[0], twin_px=sides[1], names=given, source=source)
+
+    def without(self, names: Sequence[str]) -> KeypointPairs:
+        """The pairs but those of these names. Raises `InputError` for a name that no pair has, and where too few are left."""
+        for name in names:
+            if name not in self.names:
+                raise InputError(f"{self.source}: no keypoint is called {name}: there are {', '.join(self.names)}")
+        kept = [k for k, name in enumerate(self.names) if name not in names]
+        return replace(
+            self,
+            camera_px=tuple(self.camera_px[k] for k in kept),
+            twin_px=tuple(self.twin_px[k] for k in kept),
+            names=tuple(self.names[k] for k in kept),
+        )
 
     def __len__(self) -> int:
         return len(self.names)

@@ -93,6 +93,11 @@ def disagree(points: WeightedPoints) -> bool:
     return f_tail(chi_squared / freedom, freedom, PRIOR_FREEDOM) < LEVEL
 
 
+def most_outliers(count: int) -> int:
+    """How many wrong ones of so many places can be told: the search starts from the others."""
+    return max(0, count - _half(count))
+
+
 def find_outliers(points: WeightedPoints) -> Findings:
     """The places that the others contradict. With five a fault shows, but not where; with four none shows."""
     n = len(points)
@@ -198,7 +203,7 @@ def _distance(fit: WeightedFit, points: WeightedPoints, k: int) -> float:
 def _most_alike(points: WeightedPoints) -> list[int] | None:
     """The half of the places (and a little more) that agree best with one map; None where no four fix one."""
     n = len(points)
-    half = max(5, (n + 5) // 2)
+    half = _half(n)
     squares = _squares_by_fours(points)
     if not len(squares):
         return None
@@ -210,6 +215,10 @@ def _most_alike(points: WeightedPoints) -> list[int] | None:
         if settled is not None and (best is None or settled[0] < best[0]):
             best = settled
     return None if best is None else best[1]
+
+
+def _half(count: int) -> int:
+    return max(5, (count + 5) // 2)
 
 
 def _settled(points: WeightedPoints, chosen: NDArray[np.intp], half: int) -> tuple[float, list[int]] | None:
