@@ -17,7 +17,7 @@ from dnb_edge.track.line import DirectedLine, line_across
 from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.track.route import Route, find_route
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.track.twin import LaneColour, default_close_gap_px, lane_mask
+from dnb_edge.track.twin import Lane, default_close_gap_px, lane_mask
 from dnb_edge.values import BgrImage, PointPx
 
 LinePx = tuple[PointPx, PointPx]
@@ -29,7 +29,7 @@ class TrackSettings:
     """What a user says about a twin."""
 
     name: str
-    lane_colour: LaneColour
+    lane_colour: Lane
     metres_per_px: float | None = None
     """Metres on the floor for one twin px; needed for a track, not for a route."""
     closed: bool = True
@@ -38,7 +38,7 @@ class TrackSettings:
     """Crossed forward by cars that drive to its left; None for one across the lane at `start_at_px`."""
     start_at_px: PointPx | None = None
     """A place near the route for the start line; None for the straightest place, or a little behind an open route's first
-    end. A closed route without `start_line_px` is driven anticlockwise."""
+    end. A closed route without `start_line_px` is driven anticlockwise, or in the order of three waypoints or more."""
     finish_line_px: LinePx | None = None
     """Where a lap ends, in either direction."""
     finish_at_px: PointPx | None = None
@@ -81,7 +81,8 @@ def track_from_route(route: Route, scale: TwinScale, settings: TrackSettings, *,
         half_right_m=route.half_right_px * scale.metres_per_px,
         closed=route.closed,
     )
-    if route.closed and settings.start_line_px is None and _area_m2(centreline) < 0:
+    undirected = route.closed and settings.start_line_px is None and len(settings.waypoints_px) < 3
+    if undirected and _area_m2(centreline) < 0:
         centreline = centreline.reversed()
     return laid_out(
         centreline,

@@ -1,6 +1,7 @@
 """The twin's picture and the lane in it.
 
-Knows pictures and colours: which pixels of the twin are lane, given the lane's colour. Knows no route and no metres.
+Knows pictures and colours: which pixels of the twin are lane, given the lane's colour or shade (the latter by `lane_shade`).
+Knows no route and no metres.
 Colours are HSV as drawing programs show them: hue 0..360 degrees, saturation and value 0..100 percent.
 """
 
@@ -9,19 +10,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
-from dnb_edge.values import BgrImage
+from dnb_edge.track.lane_shade import LaneShade, lane_piece, shade_mask
+from dnb_edge.values import BgrImage, PointPx
 
 Mask = NDArray[np.bool_]
 """Shape (height, width), True on the lane."""
 
 _LEAST_LANE_SHARE = 1e-3
 """A lane that covers less of the picture is taken for stray pixels of its colour."""
+_LOOK = 0.002
+"""A colour is taken from a square of so many times the picture's longest side about its place, in each direction."""
 _GREY_SATURATION_PERCENT = 10.0
 _DARK_VALUE_PERCENT = 15.0
 
@@ -57,6 +62,10 @@ class LaneColour:
         )
 
 
+Lane: TypeAlias = LaneColour | LaneShade
+"""What tells the lane from the floor: its colour, or that it is darker, lighter, or between lines."""
+
+
 def load_twin(path: Path) -> BgrImage:
     """The picture at `path`. Raises `InputError` where there is none or it cannot be read."""
     try:
@@ -69,21 +78,54 @@ def load_twin(path: Path) -> BgrImage:
     return np.asarray(image, dtype=np.uint8)
 
 
-def lane_mask(image: BgrImage, colour: LaneColour, *, source: str, close_gap_px: float) -> Mask:
+def lane_mask(image: BgrImage, lane: Lane, *, source: str, close_gap_px: float, seen: Mask | None = None) -> Mask:
     """The lane's pixels, with seams and holes up to about `close_gap_px` wide closed and stray specks removed.
 
-    `source` names the picture in errors. Raises `InputError` where the colour is not in the picture.
+    `seen` (height, width) is given for photographs: False where the picture shows nothing, as in a rectified one's corners.
+    `source` names the picture in errors. Raises `InputError` where the lane is not in the picture.
     """
-    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
-    mask = _within(np.asarray(hsv, dtype=np.uint8), colour)
+    if isinstance(lane, LaneShade):
+        found = _closed(shade_mask(image, lane, source=source, seen=seen), close_gap_px)
+        return _without_specks(lane_piece(found), close_gap_px)
+    hsv = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2HSV), dtype=np.uint8)
+    mask = _within(hsv, lane)
+    if seen is not None:
+        mask[~seen] = 0
     if np.count_nonzero(mask) < _LEAST_LANE_SHARE * mask.size:
-        found = np.count_nonzero(mask)
+        found_px = np.count_nonzero(mask)
         raise InputError(
-            f"{source}: {'no pixel' if found == 0 else f'only {found} pixels'} of the picture within {colour}; "
-            f"its most common colours are {', '.join(_common_colours(np.asarray(hsv, dtype=np.uint8)))}: "
-            "set the lane colour to the lane's"
+            f"{source}: {'no pixel' if found_px == 0 else f'only {found_px} pixels'} of the picture within {lane}; "
+            f"its most common colours are {', '.join(_common_colours(hsv))}: set the lane colour to the lane's"
         )
-    return _without_specks(_closed(mask, close_gap_px), close_gap_px)
+    closed = _closed(mask, close_gap_px)
+    # A photograph shows other things of that colour; on a drawing all of it is lane.
+    return _without_specks(closed if seen is None else lane_piece(closed), close_gap_px)
+
+
+def colour_of(blue: float, green: float, red: float) -> LaneColour:
+    """The lane's colour, with the usual tolerances, from blue, green and red, 0..255 each."""
+    pixel = np.array([[[blue, green, red]]], dtype=np.float32) / np.float32(255.0)
+    hue_deg, saturation, value = (float(part) for part in cv2.cvtColor(pixel, cv2.COLOR_BGR2HSV)[0, 0])
+    return LaneColour(
+        hue_deg=min(hue_deg, 360.0),
+        saturation_percent=min(100.0 * saturation, 100.0),
+        value_percent=min(100.0 * value, 100.0),
+    )
+
+
+def colour_at(image: BgrImage, at_px: PointPx, *, source: str) -> LaneColour:
+    """The colour round the place `at_px` of the picture, as the lane's. Raises `InputError` where that is outside of it."""
+    height, width = image.shape[:2]
+    u, v = (round(part) for part in at_px)
+    if not (0 <= u < width and 0 <= v < height):
+        raise InputError(
+            f"{source}: the place ({at_px[0]:g}, {at_px[1]:g}) px for the lane's colour is outside of the picture of "
+            f"{width}x{height} px: choose one on the lane"
+        )
+    reach = max(1, round(_LOOK * max(height, width)))
+    near = image[max(0, v - reach) : v + reach + 1, max(0, u - reach) : u + reach + 1].reshape(-1, 3)
+    blue, green, red = (float(part) for part in np.median(near, axis=0))
+    return colour_of(blue, green, red)
 
 
 def default_close_gap_px(image: BgrImage) -> float:
