@@ -18,6 +18,13 @@ from dnb_edge.values import Points
 _SPUR_RADII = 1.5
 """A dead end shorter than this many lane half-widths is a ragged edge's; a bump on the edge makes one of about 1."""
 
+_CROSSING_RADII = 1.75
+"""Two lanes that cross at an angle w thin to two forks whose bridge is 2 cos(w) times the widest circle at its ends: with
+this, lanes that cross at 45 degrees or more are one crossing, where they go straight on."""
+
+_STRAIGHT_COS = -0.64
+"""Cosine of the angle (130 degrees) between two branches above which one goes straight on in the other."""
+
 Pixel = tuple[int, int]
 
 
@@ -183,7 +190,9 @@ def _dissolved(edges: list[Edge]) -> list[Edge]:
 
 
 def _contracted(edges: list[Edge], radius: NDArray[np.float32]) -> list[Edge]:
-    """`edges` with junctions that lie within one half-width of each other made one: a crossing thins to two forks."""
+    """`edges` with junctions that lie within one half-width of each other made one, and two forks that are one crossing, too:
+    a crossing thins to two forks.
+    """
     edges = list(edges)
     while True:
         degrees = LaneGraph(edges=tuple(edges)).degrees()
@@ -192,13 +201,35 @@ def _contracted(edges: list[Edge], radius: NDArray[np.float32]) -> list[Edge]:
             for i, edge in enumerate(edges)
             if edge.a != edge.b
             and min(degrees[edge.a], degrees[edge.b]) >= 3
-            and edge.length < max(_radius_at(edge.points[0], radius), _radius_at(edge.points[-1], radius))
+            and _is_one_junction(edges, edge, max(degrees[edge.a], degrees[edge.b]), radius)
         ]
         if not bridges:
             return edges
         bridge = edges.pop(min(bridges)[1])
         middle = (bridge.points[0] + bridge.points[-1]) / 2
         edges = [_moved(edge, (bridge.a, bridge.b), middle) for edge in edges]
+
+
+def _is_one_junction(edges: list[Edge], bridge: Edge, degree: int, radius: NDArray[np.float32]) -> bool:
+    widest = max(_radius_at(bridge.points[0], radius), _radius_at(bridge.points[-1], radius))
+    if bridge.length < widest or degree > 3 or bridge.length > _CROSSING_RADII * widest:
+        return bridge.length < widest
+    before, after = (
+        [_outward(edge.points[:: 1 if forward else -1], 2 * widest) for edge in edges if edge is not bridge
+         for forward in (True, False) if (edge.a if forward else edge.b) == node]
+        for node in (bridge.a, bridge.b)
+    )  # fmt: skip
+    turns = np.array(before) @ np.array(after).T
+    either_pairing = (max(turns[0, 0], turns[1, 1]), max(turns[0, 1], turns[1, 0]))
+    return bool(min(either_pairing) < _STRAIGHT_COS)
+
+
+def _outward(points: Points, reach: float) -> NDArray[np.float64]:
+    """Unit vector from a branch's first point to the one `reach` along it, or its middle one where it is shorter."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    k = max(1, int(np.searchsorted(along, min(reach, along[-1] / 2))))
+    way = points[k] - points[0]
+    return np.asarray(way / max(float(np.hypot(*way)), 1e-9), dtype=np.float64)
 
 
 def _moved(edge: Edge, nodes: tuple[int, int], place: NDArray[np.float64]) -> Edge:

@@ -67,6 +67,27 @@ def test_forks_crossings_ends_and_ragged_edges(draw, edges, degrees, ends):
     assert len(graph.dead_ends()) == ends
 
 
+@pytest.mark.parametrize("angle_deg", [90, 75, 60, 52, 45])
+@pytest.mark.parametrize("half", [8, 14])
+def test_lanes_that_cross_at_a_slant_are_one_crossing(angle_deg, half):
+    """Down to 45 degrees, whatever their width: four branches at one node, and nothing between."""
+    t = np.arange(480) * (2 * np.pi / 480)
+    height = 170 * np.tan(np.radians(angle_deg / 2)) / 2
+    mask = canvas()
+    stroke(mask, np.column_stack((200 + 170 * np.cos(t), 200 + height * np.sin(2 * t))), half=half)
+    assert sorted(graph_of(mask).degrees().values()) == [4]
+
+
+def test_two_forks_a_lane_apart_stay_two():
+    """A lane that leaves to the left and another to the right, a little later, are no crossing."""
+    mask = canvas()
+    stroke(mask, rounded(40, 40, 360, 360, 60), half=10)
+    for x, v in ((170, 40), (230, 360)):
+        stroke(mask, np.array([[float(x), v], [float(x), 200.0]]), closed=False, half=10)
+    stroke(mask, np.array([[40.0, 200.0], [360.0, 200.0]]), closed=False, half=10)
+    assert sorted(graph_of(mask).degrees().values()) == [3] * 6
+
+
 @pytest.mark.parametrize("draw", [ring, theta, figure_eight, with_branch, crossroads, bar])
 def test_edges_are_walks_without_jumps(draw):
     """An edge's points lead from one node to the other without a jump, so that their length is the lane's."""

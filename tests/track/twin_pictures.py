@@ -80,6 +80,32 @@ def figure_eight() -> NDArray[np.bool_]:
     return mask
 
 
+def two_rings() -> NDArray[np.bool_]:
+    """Two circular lanes side by side."""
+    mask = canvas()
+    stroke(mask, circle((110, 200), 60), half=10)
+    stroke(mask, circle((290, 200), 60), half=10)
+    return mask
+
+
+def winding() -> tuple[NDArray[np.bool_], Points]:
+    """An S-shaped lane with two ends, and its drawn middle."""
+    share = np.linspace(0, 1, 200)
+    drawn = np.column_stack((50 + 300 * share, 200 + 100 * np.sin(6 * share)))
+    mask = canvas()
+    stroke(mask, drawn, closed=False)
+    return mask, drawn
+
+
+def open_eight() -> tuple[NDArray[np.bool_], Points]:
+    """A figure eight with a gap in its right lobe: one lane with two ends that crosses itself; and its drawn middle."""
+    t = np.linspace(0.3, 2 * math.pi - 0.3, 300)
+    drawn = np.column_stack((200 + 150 * np.cos(t), 200 + 110 * np.sin(2 * t)))
+    mask = canvas()
+    stroke(mask, drawn, closed=False, half=12)
+    return mask, drawn
+
+
 def with_seams(image: BgrImage) -> BgrImage:
     """Hair lines across the lane and a ragged, blurred, noisy picture, as a drawing program exports it."""
     noisy = image.copy()
