@@ -26,7 +26,7 @@ from dnb_edge.view.ground import GroundMap
 _TRACK_POINTS = 72
 _LEARN_PICTURES = 5
 _LEARN_PER_FRAME = 8
-_SEARCH_PER_FRAME = 1
+_NEARLY_ALL = 0.7
 _STILL_SHARE = 0.25
 """So many patches in their old place, for each that follows a motion, contradict it."""
 
@@ -54,7 +54,7 @@ class DriftSettings:
     """Share of the patches seen that must agree on one motion, 0..1."""
     least_seen: float = 0.2
     """Share of all patches that must agree at least, 0..1."""
-    least_seen_far: float = 0.35
+    least_seen_far: float = 0.3
     """The same where they were looked for elsewhere, after a search: then those that stayed are not seen."""
     least_parts: float = 0.45
     """Share of the parts of the picture with patches in which some must agree, 0..1."""
@@ -113,7 +113,7 @@ def watched_track(ground: GroundMap, route_m: Points) -> WatchedTrack:
     return WatchedTrack(camera_px=points, metres_per_px=jacobians, span_m=span_m)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Look:
     """What one comparison with the reference says."""
 
@@ -127,6 +127,8 @@ class Look:
     agreeing: int
     seen: int
     patches: int
+    motion: Motion | None
+    """What was found to be the common motion, though it may not have been believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,14 +143,13 @@ class DriftJudge:
         """The verdict over the matches, one a patch, that were looked for round `expected`."""
         seen = sum(one is not None and one.seen for one in matches)
         motion = self.reference.motion(matches, expected) if seen else None
-        agreeing = 0 if motion is None else int(motion.agreeing.sum())
         if motion is None or not self._agreed(motion, seen, far=expected is not None):
-            return self._verdict(Verdict.UNSURE, None, agreeing, seen)
+            return self._verdict(Verdict.UNSURE, None, motion, seen)
         moved_m, sigma_m, _ = measured = self.watched.displacement_m(motion)
         if moved_m <= self.settings.moved_share * self.watched.span_m:
-            return self._verdict(Verdict.IN_PLACE, measured, agreeing, seen)
+            return self._verdict(Verdict.IN_PLACE, measured, motion, seen)
         sure = moved_m >= self.settings.sure * sigma_m and not self._contradicted(motion, matches)
-        return self._verdict(Verdict.MOVED if sure else Verdict.UNSURE, measured, agreeing, seen)
+        return self._verdict(Verdict.MOVED if sure else Verdict.UNSURE, measured, motion, seen)
 
     def look_at(self, picture: Picture) -> Look:
         """One whole comparison with one picture: near the old place, and where that fails all over."""
@@ -189,16 +190,19 @@ class DriftJudge:
         )
         return bool(still.sum() >= _STILL_SHARE * motion.agreeing.sum() and self.reference.parts(still) >= 2)
 
-    def _verdict(self, verdict: Verdict, measured: tuple[float, float, float] | None, agreeing: int, seen: int) -> Look:
+    def _verdict(
+        self, verdict: Verdict, measured: tuple[float, float, float] | None, motion: Motion | None, seen: int
+    ) -> Look:
         moved_m, sigma_m, moved_px = (None, None, None) if measured is None else measured
         return Look(
             verdict=verdict,
             moved_m=moved_m,
             sigma_m=sigma_m,
             moved_px=moved_px,
-            agreeing=agreeing,
+            agreeing=0 if motion is None else int(motion.agreeing.sum()),
             seen=seen,
             patches=len(self.reference.patches),
+            motion=motion,
         )
 
 
@@ -273,32 +277,45 @@ class DriftWatch:
         """Looks at as many patches as are due by now; with the last of them the look ends."""
         settings, count = self._settings, len(judge.reference.patches)
         if self._search is not None:
-            if self._search.step(count if settings.spread_s <= 0.0 else _SEARCH_PER_FRAME):
+            if self._search.step_to(self._share(self._searched_t_ns, t_ns)):
                 self._end_search(self._search, t_ns)
             return
         if not self._found:
             if self._look_t_ns is not None and t_ns - self._look_t_ns < settings.look_every_s * 1e9 - 1e6:
                 return
             self._look_t_ns = t_ns
-        assert self._look_t_ns is not None
-        since_s = (t_ns - self._look_t_ns) * 1e-9
-        share = 1.0 if settings.spread_s <= 0.0 else min(1.0, since_s / settings.spread_s)
-        due = min(count, 3 + round(count * share))
+        due = min(count, 3 + round(count * self._share(self._look_t_ns, t_ns)))
         for index in range(len(self._found), due):
             self._found.append(judge.reference.find(index, picture, self._expected))
         if len(self._found) == count:
             look = judge.look(self._found, self._expected)
             self._found = []
             self._count(look)
-            if self._worth_a_search(look, t_ns):
-                self._search, self._searched_t_ns = Search(judge.reference, picture), t_ns
+            if look.verdict is Verdict.UNSURE:
+                self._follow(judge, look, picture, t_ns)
+
+    def _share(self, since_t_ns: int | None, t_ns: int) -> float:
+        """How much of what is spread over frames is due by now, 0..1."""
+        if self._settings.spread_s <= 0.0 or since_t_ns is None:
+            return 1.0
+        return min(1.0, (t_ns - since_t_ns) * 1e-9 / self._settings.spread_s)
+
+    def _follow(self, judge: DriftJudge, look: Look, picture: Picture, t_ns: int) -> None:
+        """After a look that told nothing: says where the next one shall look, or searches the whole picture."""
+        worth = self._worth_a_search(look, t_ns)
+        guess = look.motion
+        if self._expected is None and guess is not None and guess.agreeing.sum() >= max(6.0, _NEARLY_ALL * look.seen):
+            # The rest have gone a little too far for the search: look round where they should be, at once.
+            self._expected, self._look_t_ns = guess, None
+            return
+        self._expected = None
+        if worth:
+            self._search, self._searched_t_ns = Search(judge.reference, picture), t_ns
 
     def _worth_a_search(self, look: Look, t_ns: int) -> bool:
         """Whether the patches are not where they are looked for, and were not just searched for in vain."""
         if look.seen >= self._settings.lost_share * look.patches:
             self._lost_since_ns = None
-        if look.verdict is not Verdict.UNSURE:
-            return False
         hidden = look.seen < max(6.0, _HIDDEN * look.patches)
         again = len(self._recent) > 1 and self._recent[-2].verdict is Verdict.UNSURE
         rested = self._searched_t_ns is None or t_ns - self._searched_t_ns >= self._settings.search_every_s * 1e9

@@ -31,7 +31,7 @@ MOST_PATCHES = 40
 NOISE_LEVELS = 1.2
 """Noise assumed in a band-passed picture, levels."""
 
-WORST_SIGMA_PX = 0.12
+WORST_SIGMA_PX = 0.09
 """A patch whose texture cannot be placed more exactly than this under that noise is not used, px."""
 
 SEEN_SCORE = 0.7

@@ -160,7 +160,7 @@ class PlaceReference:
     def search(self, picture: Picture) -> tuple[Motion | None, bool]:
         """A whole `Search` of `picture` at once."""
         search = Search(self, picture)
-        search.step(len(self.coarse.templates))
+        search.step_to(1.0)
         return search.result()
 
 
@@ -172,10 +172,11 @@ class Search:
         self._plane = coarse_plane(picture)
         self._found: list[tuple[float, float, float, bool]] = []
 
-    def step(self, count: int) -> bool:
-        """Looks for `count` more patches; True once all have been looked for."""
+    def step_to(self, share: float) -> bool:
+        """Looks for one more patch, and for more until `share`, 0..1, of them have been looked for; True with the last one."""
         templates = self._reference.coarse.templates
-        for template in templates[len(self._found) : len(self._found) + count]:
+        due = max(len(self._found) + 1, round(share * len(templates)))
+        for template in templates[len(self._found) : due]:
             self._found.append(best_place(self._plane, template))
         return len(self._found) == len(templates)
 
