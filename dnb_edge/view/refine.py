@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from typing import TypeVar
 
 import numpy as np
@@ -92,7 +93,7 @@ class Refinement:
     """By how many sigmas the map of the edges by themselves differs from the keypoints' (or the given one): about 1 where
     both are true."""
     moved_px: float
-    """How far the refinement moves the lane's edges in the picture, at most."""
+    """How far the refinement moves the lane's edges in the picture, across them, at most."""
     edges_twin_px: Points
     """Shape (n, 2): the twin's edges, as they were compared."""
     edges_before_px: Points
@@ -168,7 +169,7 @@ def refine(
         reason=reason,
         reach_px=float(aligned.reach_px.max()),
         tension=aligned.solved.tension,
-        moved_px=float(np.linalg.norm(on_after - on_before, axis=1)[seen].max(initial=0.0)),
+        moved_px=float(np.abs(((on_after - on_before) * _outward(scene, first)).sum(axis=1))[seen].max(initial=0.0)),
         edges_twin_px=edges.points_px,
         edges_before_px=on_before,
         edges_after_px=on_after,
@@ -379,7 +380,11 @@ def _verdict(before: Agreement, after: Agreement, tension: float) -> tuple[bool,
         return False, f"the lanes overlap by {after.overlap:.1%}, {before.overlap:.1%} without it"
     return True, (
         f"the lanes overlap by {after.overlap:.1%} instead of {before.overlap:.1%}"
-        + ("" if was is None or now is None else ", and keypoints that were left out fare no worse")
+        + (
+            ""
+            if was is None or now is None
+            else f"; keypoints that were left out lie {now.mean():.1f} twin px off instead of {was.mean():.1f}"
+        )
     )
 
 
@@ -390,15 +395,14 @@ def _calibration(
     h = plane.camera_to_twin(solved.p)
     a, b, c, d, e, f, g, i, j = h.ravel().tolist()
     ground = replace(scaled.ground, camera_to_twin=(a, b, c, d, e, f, g, i, j))
-    pose = None
-    if scaled.pose is not None:
-        with suppress(InputError):
-            pose = find_pose(ground)
-    if ground.camera_m is not None and pose is not None:
+    pose = scaled.pose
+    with suppress(InputError):
+        pose = find_pose(ground)
+    if pose is not None:
         ground = replace(ground, camera_m=pose.position_m)
     metres = scaled.ground.scale.metres_per_px
     note = (
-        f"refined by the lane's edges in {source}: drawn and laid lane differ by {after.edge_median_m * 1000:.1f} mm (median)"
+        f"refined by the lane's edges in {PurePath(source).name}: drawn and laid lane differ by {after.edge_median_m * 1000:.1f} mm (median)"
         f" and {after.edge_p95_m * 1000:.1f} mm (95 %) still"
     )
     refined = replace(
