@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import Points
+from dnb_edge.view.refine_align import Aligned, Scene, in_picture, lane_px, search
 from dnb_edge.view.refine_edges import LaneEdges
-from dnb_edge.view.refine_look import LanePicture, find_edges, odds_everywhere
+from dnb_edge.view.refine_look import LanePicture, odds_everywhere
 from dnb_edge.view.refine_solve import PlaneToPicture
 
 Floats = NDArray[np.float64]
@@ -54,39 +55,26 @@ class Agreement:
         return replace(self, keypoints_px=keypoints_px, left_out_px=left_out_px)
 
 
-def agreement(
-    plane: PlaneToPicture,
-    p: Floats,
-    compared: tuple[Floats, ...],
-    edges: LaneEdges,
-    look: LanePicture,
-    reach_px: Floats,
-    scale: TwinScale,
-) -> Agreement:
-    """The agreement under the map `p`, one of those `compared`: all are judged over the same camera px, with the same
-    reach (n,) for the edges.
+def agreement(scene: Scene, p: Floats, compared: tuple[Floats, ...], aligned: Aligned, scale: TwinScale) -> Agreement:
+    """The agreement under the map `p`, one of those `compared`: all are judged over the same camera px, with the same look
+    and the same reach for the edges, those of the fit.
     """
-    at_px = plane.project(p, edges.points_px)
-    further = plane.project(p, edges.points_px + edges.outward)
-    along = np.column_stack((-edges.outward[:, 1], edges.outward[:, 0]))
-    ahead = plane.project(p, edges.points_px + along) - at_px
-    normal = np.column_stack((-ahead[:, 1], ahead[:, 0])) / np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
-    per_twin_px = ((further - at_px) * normal).sum(axis=1)
-    normal *= np.sign(per_twin_px)[:, None]
-    px_per_m = np.maximum(np.abs(per_twin_px), 1e-6) / scale.metres_per_px
-    window_px = np.clip(0.06 * edges.width_px * np.abs(per_twin_px), 3.0, 16.0)
-    found = find_edges(look, at_px, normal, reach_px, window_px)
-    width_px, height_px = look.size_px
-    seen = ((at_px >= 0) & (at_px <= (width_px - 1, height_px - 1))).all(axis=1)
+    wide_px = lane_px(scene, p)
+    found = search(scene, p, aligned.look, aligned.reach_px, wide_px)
+    px_per_m = wide_px / (scene.edges.width_px * scale.metres_per_px)
+    seen = in_picture(scene.plane.project(p, scene.edges.points_px), aligned.look.size_px)
     off_px = np.abs(found.offset_px[found.found])
     off_m = off_px / px_per_m[found.found]
-    near = found.found & (np.abs(found.offset_px) <= _NEAR_PX * max(1.0, width_px / 1280.0))
+    if len(off_px) == 0:
+        # None within the reach: they are further off than that.
+        off_px, off_m = aligned.reach_px, aligned.reach_px / px_per_m
+    near = found.found & (np.abs(found.offset_px) <= _NEAR_PX * max(1.0, aligned.look.size_px[0] / 1280.0))
     return Agreement(
-        overlap=_overlap(plane, p, compared, edges, look),
+        overlap=_overlap(scene.plane, p, compared, scene.edges, aligned.look),
         edge_share=float(near.sum() / max(1, seen.sum())),
-        edge_median_px=float(np.median(off_px)) if len(off_px) else float(reach_px.max()),
-        edge_median_m=float(np.median(off_m)) if len(off_m) else float(np.max(reach_px / px_per_m)),
-        edge_p95_m=float(np.quantile(off_m, 0.95)) if len(off_m) else float(np.max(reach_px / px_per_m)),
+        edge_median_px=float(np.median(off_px)),
+        edge_median_m=float(np.median(off_m)),
+        edge_p95_m=float(np.quantile(off_m, 0.95)),
     )
 
 
