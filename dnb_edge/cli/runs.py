@@ -27,7 +27,17 @@ from dnb_edge.values import Lap
 
 app = typer.Typer(help="List, recover and export recordings.", no_args_is_help=True)
 
-LAP_COLUMNS = ("number", "start_s", "time_s", "sigma_s", "valid", "reasons", "similarity_percent", "observed_fraction")
+LAP_COLUMNS = (
+    "number",
+    "start_s",
+    "time_s",
+    "sigma_s",
+    "valid",
+    "reasons",
+    "similarity_percent",
+    "observed_fraction",
+    "suspect",
+)
 
 Directory = Annotated[Path, typer.Argument(help="The directory with the recordings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout.")]
@@ -153,7 +163,7 @@ def laps_csv(path: Path) -> str:
     writer.writerow(("run", *LAP_COLUMNS))
     for event in run.events():
         if isinstance(event, Lap):
-            cells = wire.to_dict(event) | {"reasons": "; ".join(event.reasons)}
+            cells = wire.to_dict(event) | {"reasons": "; ".join(event.reasons), "suspect": "; ".join(event.suspect)}
             writer.writerow([_cell(run.header.name), *(_cell(cells[column]) for column in LAP_COLUMNS)])
     return text.getvalue()
 

@@ -17,6 +17,7 @@ from types import FrameType
 from dnb_edge.assembly import Assembly, assemble, make_detector, make_header, make_scene, make_source
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core
+from dnb_edge.daemon.drift import make_watch
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.meter import Meter
@@ -28,7 +29,6 @@ from dnb_edge.errors import WorkError
 from dnb_edge.record.recover import Recovery, recover_directory
 from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.values import RunSummary, SourceInfo
-from dnb_edge.view.drift import DriftWatch, watched_track
 
 log = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ def run_appliance(
             notifier=notifier,
             recorder=recorder,
             stop=stop,
-            drift=DriftWatch(watched_track(assembly.setup.ground, assembly.setup.track.centreline.points_m)),
+            drift=make_watch(config.view, assembly.setup, source.info),
         )
         try:
             with feed:

@@ -13,6 +13,8 @@ LAPS_REPAINTED = 8
 """Laps that a repaint repeats: with their reasons they fit into 0.2 s at 115200 baud."""
 
 REASONS_TOLD = 2
+"""Lines that follow a lap: why it is suspect, why it is not valid."""
+
 WARNINGS_TOLD = 4
 
 _STATE_WORDS = {Phase.WAITING: "WAITING", Phase.OUT_LAP: "OUT-LAP", Phase.LAP: "LAP", Phase.FINISHED: "FINISHED"}
@@ -60,7 +62,7 @@ def run_message(state: BoardState) -> protocol.Run:
 
 
 def lap_messages(lap: values.Lap) -> list[protocol.Message]:
-    """A complete lap, and why it is not valid where it is not."""
+    """A complete lap, why its numbers may be wrong, and why it is not valid where it is not."""
     row = protocol.Lap(
         lap=lap.number,
         time_s=lap.time_s,
@@ -68,7 +70,9 @@ def lap_messages(lap: values.Lap) -> list[protocol.Message]:
         valid=lap.valid,
         similarity_percent=lap.similarity_percent,
     )
-    return [row, *(protocol.Why(lap=lap.number, text=reason) for reason in lap.reasons[:REASONS_TOLD])]
+    because: list[protocol.Message] = [protocol.Suspect(lap=lap.number, text=text) for text in lap.suspect[:1]]
+    because += [protocol.Why(lap=lap.number, text=reason) for reason in lap.reasons]
+    return [row, *because[:REASONS_TOLD]]
 
 
 def health_messages(health: values.Health | None) -> list[protocol.Message]:

@@ -65,7 +65,7 @@ class _Board:
         state = self.state
         yield Panel(
             Group(_headline(state), Text(), _lap_table(state, rows), Text(), _health(state)),
-            title=Text(f" {state.state_line}{', car not seen' if state.unseen else ''} ", style="bold"),
+            title=_title(state),
             title_align="left",
             subtitle="dnb-edge",
             subtitle_align="right",
@@ -99,6 +99,8 @@ def lap_line(lap: values.Lap) -> str:
         parts.append(f"similarity {lap.similarity_percent:.1f} %")
     if not lap.valid:
         parts.append("NOT VALID: " + "; ".join(lap.reasons))
+    if lap.suspect:
+        parts.append("SUSPECT: " + "; ".join(lap.suspect))
     return "  ".join(parts)
 
 
@@ -116,6 +118,13 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
         *(f"warning: {warning}" for warning in warnings if warning not in known),
         *(f"note: {note}" for note in notes if note not in noted),
     ]
+
+
+def _title(state: BoardState) -> Text:
+    title = Text(f" {state.state_line}{', car not seen' if state.unseen else ''} ", style="bold")
+    if state.health is not None and state.health.view_moved_m is not None:
+        title.append("CAMERA MOVED ", style="bold red")
+    return title
 
 
 def _headline(state: BoardState) -> RenderableType:
@@ -157,9 +166,10 @@ def _lap_table(state: BoardState, rows: int) -> RenderableType:
         best = state.best_lap is not None and lap.number == state.best_lap.number
         score = "-" if lap.similarity_percent is None else f"{lap.similarity_percent:.1f} %"
         # Text, never markup: a reason may hold brackets.
-        remark = Text("best" if best else "; ".join(lap.reasons))
+        suspect = [f"suspect: {text}" for text in lap.suspect]
+        remark = Text("; ".join([*suspect, *(["best"] if best else lap.reasons)]))
         sigma = f"{max(1, round(lap.sigma_s * 1000))} ms"
-        style = "red" if not lap.valid else "bold green" if best else ""
+        style = "red" if not lap.valid or lap.suspect else "bold green" if best else ""
         table.add_row(str(lap.number), f"{lap.time_s:.3f} s", sigma, score, remark, style=style)
     for _ in range(rows - len(shown)):
         table.add_row()
@@ -184,9 +194,14 @@ def _health(state: BoardState) -> RenderableType:
         _RECORDING.get(health.recording, health.recording), style=_RECORDING_STYLE.get(health.recording, "dim")
     )
     warnings = [
-        Text(f"! {warning}", style="yellow", no_wrap=True, overflow="ellipsis")
+        Text(f"! {warning}", style=_warning_style(health, warning), no_wrap=True, overflow="ellipsis")
         for warning in health.warnings[:WARNINGS_SHOWN]
     ]
     free = WARNINGS_SHOWN - len(warnings)
     notes = [Text(f"? {note}", no_wrap=True, overflow="ellipsis") for note in health.notes[:free]]
     return Group(facts, *warnings, *notes)
+
+
+def _warning_style(health: values.Health, warning: str) -> str:
+    """Red for what makes laps suspect, yellow for the rest."""
+    return "bold red" if health.view_moved_m is not None and warning.startswith("camera ") else "yellow"

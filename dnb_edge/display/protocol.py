@@ -174,6 +174,24 @@ class Why:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Suspect:
+    """Why a lap's numbers may be wrong though it is valid: the camera had moved."""
+
+    PATTERN: ClassVar = re.compile(rf"SUSPECT {_INT} {_TEXT}")
+    lap: int
+    text: str
+
+    def body(self) -> str:
+        """`SUSPECT 3 the camera had moved by 12 mm since it was calibrated`."""
+        return f"SUSPECT {self.lap} {plain(self.text)}"
+
+    @classmethod
+    def read(cls, found: re.Match[str]) -> Self:
+        """The message of a match."""
+        return cls(lap=int(found[1]), text=found[2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
     """The fastest valid lap."""
 
@@ -230,7 +248,7 @@ class Warn:
         return cls(number=int(found[1]), text=found[2])
 
 
-MESSAGES: tuple[type[Message], ...] = (Hello, State, Run, Cross, Lap, Why, Best, Health, Warn)
+MESSAGES: tuple[type[Message], ...] = (Hello, State, Run, Cross, Lap, Why, Suspect, Best, Health, Warn)
 """Every kind of message of this version."""
 
 

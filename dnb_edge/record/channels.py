@@ -218,4 +218,6 @@ def _line_entity(name: str, t_ns: int, points_m: list[PointM], colour: fg.Color)
 def _lap_text(lap: values.Lap) -> str:
     similarity = "" if lap.similarity_percent is None else f", {lap.similarity_percent:.2f} %"
     verdict = "valid" if lap.valid else "not valid: " + "; ".join(lap.reasons)
+    if lap.suspect:
+        verdict += ", suspect: " + "; ".join(lap.suspect)
     return f"lap {lap.number}: {lap.time_s:.3f} s{similarity}, {verdict}"

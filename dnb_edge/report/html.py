@@ -140,7 +140,9 @@ def _lap_row(lap: Lap, score: Score | None) -> str:
         f"{100 * lap.observed_fraction:.1f}",
     ]
     valid = "yes" if lap.valid else "no: " + "; ".join(lap.reasons)
-    kind = "text" if lap.valid else "text bad"
+    if lap.suspect:
+        valid += ", but suspect: " + "; ".join(lap.suspect)
+    kind = "text" if lap.valid and not lap.suspect else "text bad"
     figures = "".join(f"<td>{_text(cell)}</td>" for cell in cells)
     return f'<tr><th scope="row">{lap.number}</th>{figures}<td class="{kind}">{_text(valid)}</td></tr>\n'
 

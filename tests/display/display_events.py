@@ -4,7 +4,7 @@ from dnb_edge import values
 from dnb_edge.display.state import BoardState
 
 
-def lap(number=1, start_s=2.0, time_s=12.483, *, valid=True, similarity=95.78, reasons=()):
+def lap(number=1, start_s=2.0, time_s=12.483, *, valid=True, similarity=95.78, reasons=(), suspect=()):
     return values.Lap(
         number=number,
         start_t_ns=round(start_s * 1e9),
@@ -16,6 +16,7 @@ def lap(number=1, start_s=2.0, time_s=12.483, *, valid=True, similarity=95.78, r
         reasons=reasons,
         similarity_percent=similarity,
         observed_fraction=0.99,
+        suspect=suspect,
     )
 
 
@@ -44,7 +45,7 @@ def target(t_s, state=values.TargetState.CONFIRMED):
     )
 
 
-def health(t_s=3.0, *, warnings=(), notes=(), display="online"):
+def health(t_s=3.0, *, warnings=(), notes=(), display="online", view_moved_m=None):
     return values.Health(
         t_ns=round(t_s * 1e9),
         t_s=t_s,
@@ -59,6 +60,7 @@ def health(t_s=3.0, *, warnings=(), notes=(), display="online"):
         view_error_mean_m=None,
         warnings=warnings,
         notes=notes,
+        view_moved_m=view_moved_m,
     )
 
 

@@ -68,7 +68,15 @@ class Firmware:
 
     @staticmethod
     def _blank():
-        return {"laps": {}, "why": {}, "best": None, "state": None, "health": None, "warnings": [], "run": None}
+        return {
+            "laps": {},
+            "why": {},
+            "best": None,
+            "state": None,
+            "health": None,
+            "warnings": [],
+            "run": None,
+        }
 
     def hear(self, data):
         *lines, self._torn = (self._torn + data).split(b"\r\n")
@@ -95,8 +103,8 @@ class Firmware:
                 self.crossings.append(message.t_s)
             case protocol.Lap():
                 self._next["laps"][message.lap] = message
-            case protocol.Why():
-                self._next["why"].setdefault(message.lap, []).append(message.text)
+            case protocol.Why() | protocol.Suspect():
+                self._next["why"].setdefault(message.lap, []).append(message.body())
             case protocol.Best():
                 self._next["best"] = message
             case protocol.Health():

@@ -45,6 +45,15 @@ def test_an_invalid_lap_tells_why():
     assert not [line for line in told if "third" in line or line.startswith("BEST")]
 
 
+def test_a_suspect_lap_tells_why_first():
+    """A lap driven under a moved camera is told so even where it has reasons enough not to be valid; a valid one stays OK."""
+    moved = ("the camera had moved by 12 mm",)
+    bad = lap(1, valid=False, similarity=None, reasons=("off the lane for 0.8 s", "second"), suspect=moved)
+    told = bodies(messages.lap_messages(bad))
+    assert told[1:] == ["SUSPECT 1 the camera had moved by 12 mm", "WHY 1 off the lane for 0.8 s"]
+    assert bodies(messages.lap_messages(lap(2, suspect=moved)))[0] == "LAP 2 12.483 +-0.002 OK 95.8"
+
+
 def test_no_repaint_repeats_a_crossing():
     """A display that is switched on just after a crossing does not flash for it."""
     assert not [line for line in bodies(messages.repaint(race(2))) if line.startswith("CROSS")]
@@ -61,7 +70,7 @@ def test_the_longest_repaint_fits_into_the_write_timeout():
     """At 115200 baud, ten bits a byte, even the fullest board passes a wire without buffers before it counts as stuck."""
     state = race(0).after(health(warnings=("w" * 99,) * 9))
     for number in range(1, LAPS_KEPT):
-        state = state.after(lap(number, valid=False, reasons=("r" * 99,) * 9))
+        state = state.after(lap(number, valid=False, reasons=("r" * 99,) * 9, suspect=("s" * 99,) * 9))
     size = sum(len(protocol.encode_line(message)) for message in messages.repaint(state))
     assert size <= protocol.BAUD / 10 * WRITE_TIMEOUT_S
 
@@ -86,7 +95,8 @@ def test_news_upon_news_shows_the_same_as_one_repaint(happened, data):
         if isinstance(event, tuple):
             time_s, valid, reasons = event
             number = states[-1].laps_done + 1
-            done = lap(number, 2.0, time_s, valid=valid, reasons=() if valid else reasons)
+            suspect = reasons if number % 2 else ()
+            done = lap(number, 2.0, time_s, valid=valid, reasons=() if valid else reasons, suspect=suspect)
             states.append(states[-1].after(done))
         else:
             states.append(states[-1].after(event))

@@ -28,6 +28,7 @@ message = st.one_of(
         protocol.Lap, lap=number, time_s=seconds, sigma_s=seconds, valid=st.booleans(), similarity_percent=tenths
     ),
     st.builds(protocol.Why, lap=number, text=short_text),
+    st.builds(protocol.Suspect, lap=number, text=short_text),
     st.builds(protocol.Best, lap=number, time_s=seconds),
     st.builds(protocol.Health, fps=tenths, recording=st.sampled_from(["NONE", "RECORDING", "FAILED"]), warnings=number),
     st.builds(protocol.Warn, number=number, text=short_text),

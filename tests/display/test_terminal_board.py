@@ -111,6 +111,22 @@ def test_lap_line():
     assert lap_line(bad) == "lap 3  12.483 s +- 2 ms  NOT VALID: off the lane; car lost"
 
 
+def test_a_moved_camera_is_on_the_board():
+    """Title, warning and lap say that laps are suspect, the first two in red; a lap's own line carries it too."""
+    moved = lap(2, 12.0, 9.5, suspect=("the camera had moved by 12 mm",))
+    warned = health(22.0, warnings=("camera moved 12 mm: laps are suspect",), view_moved_m=0.012)
+    state = race(1, laps_wanted=3).after(moved).after(warned)
+    text = "\n".join(render(state))
+    for words in ("CAMERA MOVED", "suspect: the camera had moved", "! camera moved 12 mm"):
+        assert words in text
+    console = Console(width=80, height=24, force_terminal=True, color_system="standard", file=io.StringIO())
+    console.print(picture(state))
+    assert "\x1b[1;31mCAMERA MOVED" in console.file.getvalue()
+    assert "\x1b[1;31m! camera moved 12 mm" in console.file.getvalue()
+    assert lap_line(moved).endswith("SUSPECT: the camera had moved by 12 mm")
+    assert "CAMERA MOVED" not in "\n".join(render(race(1).after(health(22.0))))
+
+
 def test_printed_lines():
     """Phases, laps and new warnings are printed once each; the passing of time prints nothing."""
     waiting, dark = BoardState(laps_wanted=1), health(5.0, warnings=("dark",))
