@@ -13,14 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from dnb_edge.errors import InputError
-from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.mount.advice import advice
+from dnb_edge.mount.cameras import CAMERAS, KnownCamera
+from dnb_edge.mount.geometry import Optics, TrackArea
+from dnb_edge.mount.plan import MountPlan, MountRequest, PlannedCar, PointPlan, Rate, plan_mount
+from dnb_edge.mount.suggest import FLATTEST_DEG, LOWEST_M, Free, MountLimits
+from dnb_edge.mount.timing import SLOWEST_FPS
 from dnb_edge.report.files import write_whole
-from dnb_edge.view.mount import Optics, TrackArea
-from dnb_edge.view.mount_advice import advice
-from dnb_edge.view.mount_cameras import CAMERAS, KnownCamera
-from dnb_edge.view.mount_plan import MountPlan, MountRequest, PlannedCar, PointPlan, Rate, plan_mount
-from dnb_edge.view.mount_suggest import FLATTEST_DEG, LOWEST_M, Free, MountLimits
-from dnb_edge.view.mount_timing import SLOWEST_FPS
 
 app = typer.Typer(help="Plan where the camera goes.", no_args_is_help=True)
 
@@ -128,7 +127,6 @@ def plan(
         ),
         limits=MountLimits(max_height_m=max_height, margin_m=_within("--margin", margin, 0.0, 10.0, "m")),
         sigma_px=None if sigma_px is None else _within("--sigma-px", sigma_px, 0.01, 1000.0, "px"),
-        fit_half_s=CrossingSettings().fit_half_s,
     )
     if request.free.height_m is None and not max_height > request.car.height_m:
         raise InputError(f"--max-height {max_height:g}: must be above the car, which is {car_height:g} m high")

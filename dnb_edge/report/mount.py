@@ -18,9 +18,9 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Arc, Polygon
 from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator
 
+from dnb_edge.mount.plan import MountPlan, PointPlan
 from dnb_edge.report.picture import PictureFormat, encoded
 from dnb_edge.values import Points
-from dnb_edge.view.mount_plan import MountPlan, PointPlan
 
 _DPI = 100
 _INK, _FAINT, _PAPER = "#1f2328", "#6e7781", "#ffffff"

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from dnb_edge.mount.geometry import Optics, TrackArea
+from dnb_edge.mount.plan import MountRequest, PlannedCar, Rate, plan_mount
+from dnb_edge.mount.suggest import Free, MountLimits
 from dnb_edge.report.mount import mount_picture
-from dnb_edge.view.mount import Optics, TrackArea
-from dnb_edge.view.mount_plan import MountRequest, PlannedCar, Rate, plan_mount
-from dnb_edge.view.mount_suggest import Free, MountLimits
 
 
 def plan(*, hfov=66.0, track=(3.0, 2.2), **free):

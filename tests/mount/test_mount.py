@@ -11,6 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.errors import InputError
+from dnb_edge.mount.advice import advice
+from dnb_edge.mount.cameras import CAMERAS
+from dnb_edge.mount.geometry import CORNER_NAMES, MountedCamera, Optics, Stand, TrackArea
+from dnb_edge.mount.plan import MountPlan, MountRequest, PlannedCar, Rate, plan_mount
+from dnb_edge.mount.suggest import Free, MountLimits, suggest
+from dnb_edge.mount.timing import crossing_sigma_s, detector_sigma_px, frames_of_fit
 from dnb_edge.race.crossing import CrossingSettings, LineWatch
 from dnb_edge.race.fix import Fix
 from dnb_edge.sim.camera import PinholeCamera, mast_camera
@@ -18,12 +24,6 @@ from dnb_edge.track.line import DirectedLine
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.view.homography import fit_ground_map
 from dnb_edge.view.keypoints import load_npy_pairs
-from dnb_edge.view.mount import CORNER_NAMES, MountedCamera, Optics, Stand, TrackArea
-from dnb_edge.view.mount_advice import advice
-from dnb_edge.view.mount_cameras import CAMERAS
-from dnb_edge.view.mount_plan import MountPlan, MountRequest, PlannedCar, Rate, plan_mount
-from dnb_edge.view.mount_suggest import Free, MountLimits, suggest
-from dnb_edge.view.mount_timing import FIT_HALF_S, crossing_sigma_s, detector_sigma_px, frames_of_fit
 from dnb_edge.view.pose import find_pose
 
 PAPER_TRACK = TrackArea(width_m=3.8055, depth_m=3.81)
@@ -259,8 +259,7 @@ def test_the_sigma_of_a_whole_plan_is_that_of_simulated_drives() -> None:
 
 
 def test_the_fit_is_the_races() -> None:
-    """The planner's half second is the race's default, and the count of frames is what a watch really fits."""
-    assert CrossingSettings().fit_half_s == FIT_HALF_S
+    """The count of frames is what a watch with the race's default settings really fits."""
     assert [frames_of_fit(fps) for fps in (5.0, 15.0, 20.0, 30.0, 60.0)] == [4, 6, 8, 10, 20]
 
 

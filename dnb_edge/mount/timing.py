@@ -1,7 +1,7 @@
 """The timing sigma that a view can be expected to give, from the fit that finds a crossing.
 
-Knows rates, lengths and speeds; nothing of a camera's place. The fit itself stands in `dnb_edge.race.crossing`, above this
-room, and a test holds the two together.
+Knows rates, lengths and speeds; nothing of a camera's place. The fit itself is `dnb_edge.race.crossing`'s, and a test
+holds the two together.
 
 A crossing's instant is the zero of a least-squares polynomial through the n signed distances d_k = v (t_k - t0) + noise that
 lie round the line. With independent noise of sigma_m in each, the fitted distance at the zero t has the variance
@@ -19,8 +19,10 @@ import math
 
 import numpy as np
 
-FIT_HALF_S = 0.15
-"""Half the time that the fit spans, seconds: that of `dnb_edge.race.crossing.CrossingSettings`."""
+from dnb_edge.race.crossing import CrossingSettings
+
+FIT_HALF_S = CrossingSettings().fit_half_s
+"""Half the time that the fit spans, seconds, where a run's settings do not say otherwise."""
 
 SLOWEST_FPS = 5.0
 """Below this rate the gap between two frames is too long for a crossing to be more than estimated."""

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dnb_edge.view.mount import Optics, Stand, TrackArea
+from dnb_edge.mount.geometry import Optics, Stand, TrackArea
 
 Grid: TypeAlias = NDArray[np.float64]
 

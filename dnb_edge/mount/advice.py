@@ -5,7 +5,7 @@ Knows a plan and the limits of what the appliance does. Knows no terminal.
 
 from __future__ import annotations
 
-from dnb_edge.view.mount_plan import MountPlan, margin_fits
+from dnb_edge.mount.plan import MountPlan, margin_fits
 from dnb_edge.view.pose import STEEPEST_DEG
 
 WIDE_DEG = 100.0

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dnb_edge.errors import InputError
+from dnb_edge.mount.geometry import Coverage, MountedCamera, Optics, Resolution, TrackArea, edge_points_m
+from dnb_edge.mount.suggest import Free, MountLimits, Suggestion, ceiling_needed_m, suggest
+from dnb_edge.mount.timing import FIT_HALF_S, crossing_sigma_s, detector_sigma_px
 from dnb_edge.values import PointM, Points
-from dnb_edge.view.mount import Coverage, MountedCamera, Optics, Resolution, TrackArea, edge_points_m
-from dnb_edge.view.mount_suggest import Free, MountLimits, Suggestion, ceiling_needed_m, suggest
-from dnb_edge.view.mount_timing import FIT_HALF_S, crossing_sigma_s, detector_sigma_px
 from dnb_edge.view.pose import STEEPEST_DEG
 
 
