@@ -186,9 +186,11 @@ class Centreline:
 
     @property
     def curvature_1pm(self) -> Floats:
-        """Shape (n,), curvature at each point, 1/m, positive to the left, over about one lane's half-width to either side."""
+        """Shape (n,), curvature at each point, 1/m, positive to the left, over about a quarter of the lane's width to either
+        side.
+        """
         half_m = float(np.median((self.half_left_m + self.half_right_m) / 2))
-        return curvature(self.points_m, closed=self.closed, arm=half_m)
+        return curvature(self.points_m, closed=self.closed, arm=half_m / 2)
 
     @property
     def min_radius_m(self) -> float | None:

@@ -53,14 +53,19 @@ def laid_out(
         if abs(centreline.step_m(0.0, s_m)) > _AT_START_M:
             centreline = started_at(centreline, s_m)
             s_m = 0.0
+    elif finish is None:
+        raise InputError(f"{source}: an open route needs a finish line: add one")
     elif not forward:
         raise InputError(f"{source}: the route from its first to its last waypoint crosses the start line backwards: "
                          "swap the ends of the line, or turn the order of the waypoints round")  # fmt: skip
     lap_m = centreline.length_m
     if finish is not None:
         finish, lap_m = _placed(centreline, finish, s_m, scale, source)
-        if lap_m <= 0:
-            raise InputError(f"{source}: the finish line lies before the start line: swap the two")
+        if lap_m <= _AT_START_M or (centreline.closed and centreline.length_m - lap_m <= _AT_START_M):
+            fault = (
+                "is the start line: leave it out" if centreline.closed else "lies before the start line: swap the two"
+            )
+            raise InputError(f"{source}: the finish line {fault}")
     placed = sorted(
         ((*_placed(centreline, sector.line, s_m, scale, source)[::-1], sector.name) for sector in sectors),
         key=lambda one: one[0],

@@ -13,11 +13,11 @@ from dnb_edge.values import Crossing, Direction
 ROUTE_M = 10.0
 
 
-def crossing(t_s: float, direction: Direction = Direction.FORWARD) -> Crossing:
+def crossing(t_s: float, direction: Direction = Direction.FORWARD, line: str = "start") -> Crossing:
     return Crossing(
         t_ns=round(t_s * 1e9),
         t_s=t_s,
-        line="start",
+        line=line,
         direction=direction,
         sigma_s=0.003,
         track_m=(0.0, 0.0),
@@ -128,6 +128,45 @@ def test_nothing_is_counted_after_the_last_lap() -> None:
     assert machine.state is LapState.FINISHED
     drive(machine, 10.0, 20.0, 1.0)
     assert machine.crossed(crossing(19.95)) is None
+
+
+def test_a_finish_line_ends_the_lap_and_begins_none() -> None:
+    """Start to finish is a lap; then the car is on an out-lap, and the next start begins the next one."""
+    machine = LapMachine(LapRules(), ROUTE_M, has_finish_line=True)
+    for k in range(2):
+        begin_s = 20.0 * k
+        assert machine.crossed(crossing(begin_s, line="finish")) is None
+        assert machine.state is LapState.OUT_LAP
+        assert machine.crossed(crossing(begin_s + 0.05)) is None
+        drive(machine, begin_s + 0.1, begin_s + 10.0, 1.0)
+        driven = machine.crossed(crossing(begin_s + 9.95, line="finish"))
+        assert driven is not None
+        assert (driven.lap.number, driven.lap.start_s) == (k + 1, begin_s + 0.05)
+        assert machine.state is LapState.OUT_LAP
+
+
+def test_the_start_line_before_the_finish_line_begins_the_lap_anew() -> None:
+    """A run that was given up leaves nothing behind: time and way count from the later start."""
+    machine = LapMachine(LapRules(), ROUTE_M, has_finish_line=True)
+    machine.crossed(crossing(0.0))
+    drive(machine, 0.1, 6.0, 1.0)
+    assert machine.crossed(crossing(6.0)) is None
+    assert machine.state is LapState.LAP
+    drive(machine, 6.1, 9.0, 1.0)
+    assert machine.crossed(crossing(9.0, line="finish")) is None, "only three metres since"
+    drive(machine, 9.0, 16.0, 1.0)
+    driven = machine.crossed(crossing(15.95, line="finish"))
+    assert driven is not None
+    assert driven.lap.start_s == 6.0
+
+
+def test_the_last_run_to_the_finish_line_ends_the_race() -> None:
+    """With a finish line of its own, too."""
+    machine = LapMachine(LapRules(laps=1), ROUTE_M, has_finish_line=True)
+    machine.crossed(crossing(0.0))
+    drive(machine, 0.1, 10.0, 1.0)
+    assert machine.crossed(crossing(9.95, line="finish")) is not None
+    assert machine.state is LapState.FINISHED
 
 
 def test_longest_time_off_the_lane_is_that_of_one_stretch() -> None:

@@ -1,12 +1,14 @@
 """`dnb-edge track`, as a shell sees it."""
 
+import hashlib
 import json
+import re
 import sys
 
 import cv2
 import numpy as np
 import pytest
-from twin_pictures import SIZE, painted, ring, theta
+from twin_pictures import SIZE, painted, ring, theta, two_rings, winding
 
 from dnb_edge.cli.main import main
 from dnb_edge.config.track_file import load_track
@@ -82,6 +84,94 @@ def test_the_track_file_and_its_pictures(shell, twin, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["overlay.png", "shown.png", "track.json", "twin.png"]
 
 
+def test_the_picture_lies_beside_the_track_file(shell, twin, tmp_path):
+    """Without --overlay it has the track file's name; and never overwrites the twin or the track file itself."""
+    before = twin.read_bytes()
+    for out, picture in (
+        ("track.yaml", "track.png"),
+        ("twin.yaml", "twin-overlay.png"),
+        ("odd.png", "odd-overlay.png"),
+    ):
+        code, _, _ = shell("track", "build", "--image", twin, *PINK, "--metres-per-px", "0.01", "--out", tmp_path / out)
+        assert code == 0
+        assert cv2.imread(str(tmp_path / picture)).shape == (SIZE, SIZE, 3)
+        assert load_track(tmp_path / out).name == "twin"
+    assert twin.read_bytes() == before
+
+
+def test_show_is_a_table_and_draws_only_where_asked(shell, twin, tmp_path):
+    """Length, bend, widths, scale, lines with their places, and what the track was made of."""
+    out = tmp_path / "track.yaml"
+    options = (
+        "--start-at",
+        "350,200",
+        "--finish-at",
+        "200,350",
+        "--sector-at",
+        "200,50",
+        "--sector-line",
+        "20,200,80,200",
+    )
+    code, _, err = shell("track", "build", "--image", twin, *PINK, "--length-m", "10.8", "--out", out, *options)
+    assert (code, err) == (0, "")
+    code, text, _ = shell("track", "show", out)
+    assert code == 0
+    rows = dict(re.split(r"  +", row.strip(), maxsplit=1) for row in text.splitlines()[1:])
+    assert rows["route"].startswith("closed, 10.800 m, ")
+    assert float(rows["tightest bend"].split()[1]) == pytest.approx(0.7, abs=0.05)
+    assert rows["line start"].startswith("s 0.000 m; ")
+    places = [float(rows[f"line {name}"].split()[1]) for name in ("sector 1", "sector 2", "finish")]
+    assert places == sorted(places)
+    assert rows["made of"].startswith(f"twin.png, SHA-256 {hashlib.sha256(twin.read_bytes()).hexdigest()}")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["track.png", "track.yaml", "twin.png"]
+    code, _, err = shell("track", "show", out, "--image", twin)
+    assert code == 2
+    assert "say where the picture goes with --overlay" in err
+
+
+def test_a_route_from_point_to_point(shell, tmp_path):
+    """`--open` with two waypoints: the contract's members say that it is not closed, and the file is read again."""
+    mask, drawn = winding()
+    image, out = tmp_path / "twin.png", tmp_path / "t.yaml"
+    cv2.imwrite(str(image), painted(mask))
+    ends = [f"{u:.0f},{v:.0f}" for u, v in (drawn[0], drawn[-1])]
+    code, text, _ = shell(
+        "track", "build", "--image", image, *PINK, "--open", "--waypoint", ends[0], "--waypoint", ends[1], "--out", out,
+        "--metres-per-px", "0.01", "--json",
+    )  # fmt: skip
+    assert code == 0
+    facts = json.loads(text)
+    assert facts["closed"] is False
+    drawn_px = float(np.hypot(*np.diff(drawn, axis=0).T).sum())
+    assert facts["length_px"] == pytest.approx(drawn_px, rel=0.02)
+    assert facts["length_m"] == pytest.approx(drawn_px / 100, rel=0.02)
+    assert facts["min_radius_m"] == pytest.approx(facts["min_radius_px"] / 100)
+    assert facts["min_radius_m"] == pytest.approx(0.25, rel=0.2)
+    assert not load_track(out).centreline.closed
+    _, text, _ = shell("track", "show", out)
+    assert "from point to point, 4." in text
+    assert "line finish" in text
+
+
+def test_several_loops_are_shown_and_asked_about(shell, tmp_path):
+    """Exit code 2, one line with a waypoint for each, and a picture with their letters where one was asked for."""
+    image, overlay = tmp_path / "twin.png", tmp_path / "loops.png"
+    cv2.imwrite(str(image), painted(two_rings()))
+    code, out, err = shell(
+        "track", "build", "--image", image, *PINK, "--overlay", overlay, "--out", tmp_path / "t.yaml"
+    )
+    assert (code, out) == (2, "")
+    waypoints = re.findall(r"[AB] \(about \d+ px long, waypoint (\d+,\d+)\)", err)
+    assert len(waypoints) == 2
+    assert err.count("\n") == 1
+    assert cv2.imread(str(overlay)).shape == (SIZE, SIZE, 3)
+    assert not (tmp_path / "t.yaml").exists()
+    for waypoint in waypoints:
+        code, out, _ = shell("track", "build", "--image", image, *PINK, "--waypoint", waypoint, "--json")
+        assert code == 0
+        assert json.loads(out)["length_px"] == pytest.approx(377, rel=0.01)
+
+
 def gap():
     mask = ring()
     mask[185:215, :120] = False
@@ -95,6 +185,11 @@ def gap():
         (b"text", PINK, "not an image that OpenCV can read"),
         (ring(), ("--lane-hsv", "120,80,60"), "no pixel of the picture within hue 120"),
         (gap(), PINK, "the lane is not closed: it ends at ("),
+        (two_rings(), PINK, "the lanes form 2 loops"),
+        (gap(), (*PINK, "--open"), "needs at least two waypoints, its two ends; the lane ends at ("),
+        (ring(), (*PINK, "--start-at", "200"), "--start-at 200: must be 2 numbers"),
+        (ring(), (*PINK, "--sector-line", "200,100"), "--sector-line 200,100: must be 4 numbers"),
+        (ring(), (*PINK, "--start-at", "200,200"), "(200, 200) twin px of the line 'start' is 1"),
         (ring(), (*PINK, "--waypoint", "200,200"), "waypoint (200, 200) twin px is 1"),
         (ring(), (*PINK, "--waypoint", "200"), "--waypoint 200: must be 2 numbers with commas between them"),
         (ring(), ("--lane-hsv", "330,x,84"), "--lane-hsv 330,x,84: must be 3 numbers"),
