@@ -20,7 +20,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
 from dnb_edge.view.boards import BOARD_FORMS, Board, parse_board
 from dnb_edge.view.lens import LensModel
-from dnb_edge.view.lens_fit import FEWEST_VIEWS, LensFit, fit_lens
+from dnb_edge.view.lens_fit import FEWEST_VIEWS, LensFit, fit_lens, lens_names
 
 
 def lens(
@@ -164,9 +164,9 @@ def _print(fit: LensFit, found: Views, out: Path | None) -> None:
     console.print()
     numbers = Table("lens", "", "sigma", box=None)
     lens_numbers = (fit.lens.fx_px, fit.lens.fy_px, fit.lens.cx_px, fit.lens.cy_px, *fit.lens.distortion)
-    for (name, sigma), number in zip(fit.sigmas.items(), lens_numbers, strict=True):
-        digits = 2 if name.endswith("_px") else 5
-        numbers.add_row(name, f"{number:.{digits}f}", f"{sigma:.{digits}f}")
+    for name, number in zip(lens_names(fit.lens.model), lens_numbers, strict=False):
+        digits, sigma = 2 if name.endswith("_px") else 5, fit.sigmas.get(name)
+        numbers.add_row(name, f"{number:.{digits}f}", "not fitted" if sigma is None else f"{sigma:.{digits}f}")
     console.print(numbers)
     console.print()
     console.print("views with the board in each part of the picture:")

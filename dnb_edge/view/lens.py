@@ -22,13 +22,15 @@ from dnb_edge import wire
 from dnb_edge.errors import InputError
 from dnb_edge.values import Points
 
-_ITERATE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+_ITERATE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-10)
 _GRID = 13
 _RETURNS_WITHIN_PX = 0.05
 _BEYOND = 1.1
 """Up to this many times the picture's own reach the lens is believed; further out it goes on straight."""
 _WIDEST_RAD = math.radians(85.0)
 """A fisheye is believed up to this angle off its axis: at 90 degrees ideal px end."""
+_LEAST_SLOPE = 0.05
+"""Where camera px move outwards more slowly than this share of ideal px, the formula is about to fold and is no lens's."""
 _TABLE = 257
 _NEWTON_STEPS = 4
 _FOLDS = (
@@ -76,14 +78,14 @@ class Lens:
                 f"{' or '.join(map(str, allowed))}"
             )
         if self.model is LensModel.FISHEYE:
-            rising = np.diff(_rim(self).bent) > 0
-            if not rising.all():
+            rim = _rim(self)
+            if np.any(np.diff(rim.bent) < _LEAST_SLOPE * np.diff(rim.angle)):
                 raise InputError(_FOLDS)
             return
         grid = self._grid()
         # Not through `to_camera_px`, which never folds.
         back = self._distorted(_normalised(self.to_ideal_px(grid), self))
-        if not np.abs(back - grid).max() < _RETURNS_WITHIN_PX:
+        if not np.abs(back - grid).max() < _RETURNS_WITHIN_PX or _reach(self) < _corner_radius(self):
             raise InputError(_FOLDS)
 
     @property
@@ -175,7 +177,17 @@ def _reach(lens: Lens) -> float:
     """Normalised radius up to which the lens is believed."""
     if lens.model is LensModel.FISHEYE:
         return math.tan(_rim(lens).angle[-1])
-    return _BEYOND * float(np.linalg.norm(_normalised(lens.to_ideal_px(_corners(lens)), lens), axis=1).max())
+    radius = np.linspace(0.0, _BEYOND * _corner_radius(lens), 4 * _TABLE)
+    k1, k2, _, _, k3, k4, k5, k6 = (*lens.distortion, *[0.0] * (8 - len(lens.distortion)))
+    s = radius * radius
+    bent = radius * (1.0 + s * (k1 + s * (k2 + s * k3))) / (1.0 + s * (k4 + s * (k5 + s * k6)))
+    slow = np.flatnonzero(np.diff(bent) < _LEAST_SLOPE * np.diff(radius))
+    return float(radius[slow[0]] if len(slow) else radius[-1])
+
+
+def _corner_radius(lens: Lens) -> float:
+    """Normalised radius of the picture's farthest corner, through a pinhole."""
+    return float(np.linalg.norm(_normalised(lens.to_ideal_px(_corners(lens)), lens), axis=1).max())
 
 
 def _corners(lens: Lens) -> Points:

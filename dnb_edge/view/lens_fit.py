@@ -20,10 +20,11 @@ from dnb_edge.view.boards import Board, BoardSight
 from dnb_edge.view.lens import Lens, LensModel
 from dnb_edge.view.lens_solve import Numbers, Seen, Solution, lens_sigmas, solve
 
-COEFFICIENTS = {LensModel.PINHOLE: 5, LensModel.FISHEYE: 4}
-"""How many distortion coefficients are fitted unless told otherwise. Pinhole: k1 k2 p1 p2 k3, OpenCV's own default. With four,
-lenses wider than some 80 degrees keep errors near the rim; eight are not determined by usual views: numerator and denominator
-grow against each other and mean nothing outside the corners seen."""
+COEFFICIENTS = {LensModel.PINHOLE: (5, 4, 2), LensModel.FISHEYE: (4, 2)}
+"""How many distortion coefficients are fitted unless told otherwise; the next number where the lens that comes out folds
+over in a part of the picture where no corner was seen. Pinhole: k1 k2 p1 p2 k3, OpenCV's own default. With four, lenses wider
+than some 80 degrees keep errors near the rim; eight are not determined by usual views: numerator and denominator grow against
+each other and mean nothing outside the corners seen."""
 FEWEST_VIEWS = 6
 GOOD_VIEWS = 15
 GRID = 3
@@ -35,6 +36,7 @@ _VAGUE_SHARE = 0.05
 _UNSURE_SHARE = 0.01
 _BAD_RATIO = 2.0
 _BAD_PX = 0.3
+_LITTLE_SHARE = 0.5
 _HIGH_RMS_PX = 0.5
 """In pictures 1280 px wide: sharp pictures of a flat board reach half of it."""
 _TILT = "tilt the board by 30 to 45 degrees to different sides in at least five views"
@@ -131,14 +133,10 @@ def fit_lens(
             f"lens: the board was found in {len(views)} pictures, {FEWEST_VIEWS} are the least and {GOOD_VIEWS} good: "
             f"take {FEWEST_VIEWS - len(views)} more at least, with the board elsewhere and tilted differently"
         )
-    count = COEFFICIENTS[model] if coefficients is None else coefficients
     seen = [Seen(board_m=board.points_m[view.sight.ids], camera_px=view.sight.camera_px) for view in views]
-    found = solve(seen, size_px, model, count)
-    spread_deg = _tilt_spread_deg(found)
-    sigmas = lens_sigmas(found, seen)
-    _check_determined(found, sigmas, spread_deg)
-    assert sigmas is not None
-    lens = _lens(found, size_px)
+    counts = COEFFICIENTS[model] if coefficients is None else (coefficients,)
+    known = _known(seen, size_px, model, counts)
+    found, count = known.found, len(known.found.lens) - 4
     bad = _bad(solve(seen, size_px, model, count, robust=True), seen)
     fits = tuple(_view_fits(views, found, seen, bad))
     good = [view for view, is_bad in zip(seen, bad, strict=True) if not is_bad]
@@ -146,17 +144,51 @@ def fit_lens(
     without = _rms(solve(good, size_px, model, count).off_px(good)) if enough else None
     coverage = _coverage(seen, size_px)
     rms_px = _rms([fit.off_px for fit in fits])
-    named = dict(zip(_names(model, count), sigmas.tolist(), strict=True))
+    named = dict(zip(lens_names(model)[: 4 + count], known.sigmas.tolist(), strict=True))
     return LensFit(
-        lens=lens,
+        lens=known.lens,
         rms_px=rms_px,
         views=fits,
         sigmas=named,
-        tilt_spread_deg=spread_deg,
+        tilt_spread_deg=known.spread_deg,
         coverage=coverage,
         rms_without_bad_px=without,
-        notes=tuple(_notes(lens, rms_px, fits, without, named, spread_deg, coverage)),
+        notes=(*_notes(known, rms_px, fits, without, coverage), *_left_out(model, count, counts)),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Known:
+    """A solution that is a lens."""
+
+    found: Solution
+    lens: Lens
+    sigmas: Numbers
+    """(4 + k,) of `found.lens`."""
+    spread_deg: float
+
+
+def _known(seen: Sequence[Seen], size_px: tuple[int, int], model: LensModel, counts: Sequence[int]) -> _Known:
+    """With the first of `counts` coefficients that give a lens. Raises `InputError` where the views do not tell the lens."""
+    for count in counts:
+        found = solve(seen, size_px, model, count)
+        spread_deg, sigmas = _tilt_spread_deg(found), lens_sigmas(found, seen)
+        _check_determined(found, sigmas, spread_deg)
+        assert sigmas is not None
+        try:
+            return _Known(found=found, lens=_lens(found, size_px), sigmas=sigmas, spread_deg=spread_deg)
+        except InputError:
+            if count == counts[-1]:
+                raise
+    raise ValueError("no number of coefficients to try")
+
+
+def _left_out(model: LensModel, count: int, counts: Sequence[int]) -> list[str]:
+    if count == counts[0]:
+        return []
+    names = ", ".join(lens_names(model)[4 + count : 4 + counts[0]])
+    note = f"{names} left out: with them the lens would fold the picture over where no corner was seen"
+    return [f"{note}: hold the board nearer to the picture's corners"]
 
 
 def _check_determined(found: Solution, sigmas: Numbers | None, spread_deg: float) -> None:
@@ -172,16 +204,17 @@ def _check_determined(found: Solution, sigmas: Numbers | None, spread_deg: float
 
 
 def _lens(found: Solution, size_px: tuple[int, int]) -> Lens:
-    fx, fy, cx, cy, *bent = found.lens.tolist()
+    fx, fy, cx, cy = found.lens[:4].tolist()
     return Lens(
-        model=found.model, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, distortion=tuple(bent),
+        model=found.model, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, distortion=tuple(found.distortion.tolist()),
         width_px=size_px[0], height_px=size_px[1],
     )  # fmt: skip
 
 
-def _names(model: LensModel, count: int) -> tuple[str, ...]:
+def lens_names(model: LensModel) -> tuple[str, ...]:
+    """Names of a lens's numbers: focal lengths and centre, then the distortion in its order."""
     bent = ("k1", "k2", "k3", "k4") if model is LensModel.FISHEYE else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-    return ("fx_px", "fy_px", "cx_px", "cy_px", *bent[:count])
+    return ("fx_px", "fy_px", "cx_px", "cy_px", *bent)
 
 
 def _bad(robust: Solution, seen: Sequence[Seen]) -> list[bool]:
@@ -235,13 +268,7 @@ def cells_of(camera_px: Points, size_px: tuple[int, int]) -> NDArray[np.int64]:
 
 
 def _notes(
-    lens: Lens,
-    rms_px: float,
-    fits: Sequence[ViewFit],
-    without_px: float | None,
-    sigmas: dict[str, float],
-    spread_deg: float,
-    coverage: Coverage,
+    known: _Known, rms_px: float, fits: Sequence[ViewFit], without_px: float | None, coverage: Coverage
 ) -> list[str]:
     notes = []
     bad = [fit for fit in fits if fit.bad]
@@ -251,7 +278,7 @@ def _notes(
         notes.append(
             f"these views disagree with the others: {names}{then}: look at them, take them out if they are blurred"
         )
-    elif rms_px > _HIGH_RMS_PX * lens.width_px / 1280:
+    elif rms_px > _HIGH_RMS_PX * known.lens.width_px / 1280:
         worst = " and ".join(fit.name for fit in sorted(fits, key=lambda fit: -fit.rms_px)[:2])
         notes.append(
             f"an RMS of {rms_px:.2f} px is much, and not one view's doing (largest: {worst}): is the board flat and stiff, did "
@@ -261,8 +288,13 @@ def _notes(
         notes.append(f"{len(fits)} views: {GOOD_VIEWS} or more make the calibration surer")
     if coverage.empty:
         notes.append(f"no corner at the {', '.join(coverage.empty)} of the picture: the lens is a guess there")
-    unsure = max(sigmas["fx_px"] / lens.fx_px, sigmas["fy_px"] / lens.fy_px)
-    if spread_deg < _LITTLE_TILT_DEG or unsure > _UNSURE_SHARE:
+    elif coverage.share < _LITTLE_SHARE:
+        notes.append(
+            f"the corners span {100 * coverage.share:.0f} % of the picture, outside of them the lens is a guess: hold the "
+            "board nearer to the picture's edges"
+        )
+    unsure = float((known.sigmas[:2] / known.found.lens[:2]).max())
+    if known.spread_deg < _LITTLE_TILT_DEG or unsure > _UNSURE_SHARE:
         notes.append(f"the focal length is known to {100 * unsure:.1f} %: {_TILT}")
     return notes
 

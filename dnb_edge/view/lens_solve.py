@@ -26,8 +26,9 @@ _FOCAL_RATIOS = {
 """Focal lengths to start from, as shares of the picture's longer side."""
 _WIDEST_RAD = 1.45
 _MOST_STEPS = 200
-_DONE = 1e-12
+_DONE = 1e-10
 _ROBUST_ROUNDS = 12
+_SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +47,7 @@ class Solution:
 
     model: LensModel
     lens: Numbers
-    """(4 + k,) fx, fy, cx, cy, then the distortion."""
+    """(4 + k,) fx, fy, cx, cy, then the first k coefficients of the distortion; the others are nought."""
     poses: Numbers
     """(views, 6) rotation vector and translation, board m to camera axes."""
 
@@ -55,6 +56,11 @@ class Solution:
         """(3, 3) intrinsic matrix, px."""
         fx, fy, cx, cy = self.lens[:4]
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def distortion(self) -> Numbers:
+        """(4,), or as many as are fitted where those are more: OpenCV takes no fewer."""
+        return np.concatenate((self.lens[4:], np.zeros(max(0, 8 - len(self.lens)))))
 
     def off_px(self, seen: Sequence[Seen]) -> list[Points]:
         """(n, 2) for each view: where the corners should be less where they were seen, camera px."""
@@ -65,16 +71,15 @@ class Solution:
         points, slopes = self._projected(view, pose)
         k = len(self.lens) - 4
         if self.model is LensModel.FISHEYE:
-            by_lens, by_pose = slopes[:, :8], slopes[:, 8:14]
+            by_lens, by_pose = slopes[:, : 4 + k], slopes[:, 8:14]
         else:
             by_lens, by_pose = slopes[:, 6 : 10 + k], slopes[:, :6]
         return (points - view.camera_px).ravel(), by_lens, by_pose
 
     def _projected(self, view: Seen, pose: Numbers) -> tuple[Points, Numbers]:
         flat = np.column_stack((view.board_m, np.zeros(len(view.board_m)))).reshape(-1, 1, 3)
-        bent = np.ascontiguousarray(self.lens[4:])
         project = cv2.fisheye.projectPoints if self.model is LensModel.FISHEYE else cv2.projectPoints
-        points, slopes = project(flat, pose[:3].copy(), pose[3:].copy(), self.matrix, bent)
+        points, slopes = project(flat, pose[:3].copy(), pose[3:].copy(), self.matrix, self.distortion)
         return np.asarray(points, dtype=np.float64).reshape(-1, 2), np.asarray(slopes, dtype=np.float64)
 
 
@@ -90,7 +95,10 @@ def solve(
     for _ in range(_ROBUST_ROUNDS):
         apart = [np.linalg.norm(off, axis=1) for off in found.off_px(seen)]
         scale = max(1e-6, 2.0 * float(np.median(np.concatenate(apart))))
+        before = found
         found = descend(found, seen, [1.0 / (1.0 + (away / scale) ** 2) for away in apart])
+        if np.abs(found.lens / before.lens - 1.0).max() < _SETTLED:
+            break
     return found
 
 
@@ -98,12 +106,9 @@ def descend(start: Solution, seen: Sequence[Seen], weights: Sequence[Numbers]) -
     """The nearest minimum of the weighted sum of squares, from `start`; `weights`: (n,) for each view."""
     found, cost, damping = start, _cost(start, seen, weights), 1e-3
     for _ in range(_MOST_STEPS):
-        normal, slope = normal_equations(found, seen, weights)
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        scaled = normal / np.outer(scale, scale)
+        normal = normal_equations(found, seen, weights)
         while damping < 1e12:
-            step = np.linalg.solve(scaled + damping * np.eye(len(scaled)), -slope / scale) / scale
-            tried = _moved(found, step)
+            tried = _moved(found, normal.step(damping))
             new = _cost(tried, seen, weights)
             if new < cost:
                 break
@@ -116,21 +121,53 @@ def descend(start: Solution, seen: Sequence[Seen], weights: Sequence[Numbers]) -
     return found
 
 
-def normal_equations(at: Solution, seen: Sequence[Seen], weights: Sequence[Numbers]) -> tuple[Numbers, Numbers]:
-    """J'WJ (p, p) and J'Wr (p,), the lens first, then each view's pose."""
-    k, p = len(at.lens), len(at.lens) + 6 * len(seen)
-    normal, slope = np.zeros((p, p)), np.zeros(p)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Normal:
+    """The normal equations in blocks: a view's pose meets the lens only, no other view's pose."""
+
+    lens: Numbers
+    """(k, k)"""
+    both: Numbers
+    """(views, k, 6)"""
+    poses: Numbers
+    """(views, 6, 6)"""
+    lens_slope: Numbers
+    """(k,)"""
+    pose_slopes: Numbers
+    """(views, 6)"""
+
+    def reduced(self, damping: float = 0.0) -> tuple[Numbers, Numbers]:
+        """(k, k) for the lens alone, the poses being free, and (views, 6, k) how the poses follow it; Marquardt's damping."""
+        lens = self.lens + damping * np.diag(np.diag(self.lens))
+        poses = self.poses + damping * self.poses * np.eye(6)
+        follow = np.linalg.solve(poses, self.both.transpose(0, 2, 1))
+        return np.asarray(lens - np.einsum("vki,vij->kj", self.both, follow)), np.asarray(follow)
+
+    def step(self, damping: float) -> tuple[Numbers, Numbers]:
+        """What to add to the lens (k,) and to the poses (views, 6)."""
+        reduced, follow = self.reduced(damping)
+        slope = self.lens_slope - np.einsum("vik,vi->k", follow, self.pose_slopes)
+        scale = np.sqrt(np.maximum(np.diag(self.lens), 1e-30))
+        lens = -np.linalg.lstsq(reduced / np.outer(scale, scale), slope / scale, rcond=1e-15)[0] / scale
+        poses = self.poses + damping * self.poses * np.eye(6)
+        own = np.linalg.solve(poses, self.pose_slopes[:, :, None])[:, :, 0]
+        return lens, -own - follow @ lens
+
+
+def normal_equations(at: Solution, seen: Sequence[Seen], weights: Sequence[Numbers]) -> Normal:
+    """J'WJ and J'Wr at a solution; `weights`: (n,) for each view."""
+    k, count = len(at.lens), len(seen)
+    lens, lens_slope = np.zeros((k, k)), np.zeros(k)
+    both, poses, pose_slopes = np.zeros((count, k, 6)), np.zeros((count, 6, 6)), np.zeros((count, 6))
     for i, (view, weight) in enumerate(zip(seen, weights, strict=True)):
         off, by_lens, by_pose = at.linearised(view, at.poses[i])
-        heavy = np.repeat(weight, 2)[:, None]
-        own = slice(k + 6 * i, k + 6 * i + 6)
-        normal[:k, :k] += by_lens.T @ (heavy * by_lens)
-        normal[:k, own] = by_lens.T @ (heavy * by_pose)
-        normal[own, :k] = normal[:k, own].T
-        normal[own, own] = by_pose.T @ (heavy * by_pose)
-        slope[:k] += by_lens.T @ (heavy[:, 0] * off)
-        slope[own] = by_pose.T @ (heavy[:, 0] * off)
-    return normal, slope
+        heavy = np.repeat(weight, 2)
+        lens += by_lens.T @ (heavy[:, None] * by_lens)
+        lens_slope += by_lens.T @ (heavy * off)
+        both[i] = by_lens.T @ (heavy[:, None] * by_pose)
+        poses[i] = by_pose.T @ (heavy[:, None] * by_pose)
+        pose_slopes[i] = by_pose.T @ (heavy * off)
+    return Normal(lens=lens, both=both, poses=poses, lens_slope=lens_slope, pose_slopes=pose_slopes)
 
 
 def lens_sigmas(at: Solution, seen: Sequence[Seen]) -> Numbers | None:
@@ -140,20 +177,18 @@ def lens_sigmas(at: Solution, seen: Sequence[Seen]) -> Numbers | None:
     which case the views are the independent things (the sandwich of clustered regression).
     """
     ones = [np.ones(len(view.board_m)) for view in seen]
-    normal, _ = normal_equations(at, seen, ones)
-    spare = 2 * sum(len(view.board_m) for view in seen) - len(normal)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-    scaled = normal / np.outer(scale, scale)
-    if spare <= 0 or np.linalg.cond(scaled) > 1e13:
+    reduced, follow = normal_equations(at, seen, ones).reduced()
+    spare = 2 * sum(len(view.board_m) for view in seen) - len(at.lens) - at.poses.size
+    scale = np.sqrt(np.maximum(np.diag(reduced), 1e-30))
+    scaled = reduced / np.outer(scale, scale)
+    if spare <= 0 or not np.isfinite(scaled).all() or np.linalg.cond(scaled) > 1e13:
         return None
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
-    k = len(at.lens)
-    plain = np.diag(inverse)[:k] * 2.0 * _cost(at, seen, ones) / spare
-    clustered = np.zeros(k)
-    for i, view in enumerate(seen):
-        off, by_lens, by_pose = at.linearised(view, at.poses[i])
-        pull = inverse[:k, :k] @ (by_lens.T @ off) + inverse[:k, k + 6 * i : k + 6 * i + 6] @ (by_pose.T @ off)
-        clustered += pull**2
+    plain = np.diag(inverse) * 2.0 * _cost(at, seen, ones) / spare
+    clustered = np.zeros(len(at.lens))
+    for view, pose, follows in zip(seen, at.poses, follow, strict=True):
+        off, by_lens, by_pose = at.linearised(view, pose)
+        clustered += (inverse @ ((by_lens - by_pose @ follows).T @ off)) ** 2
     return np.asarray(np.sqrt(np.maximum(plain, clustered * len(seen) / max(1, len(seen) - 1))))
 
 
@@ -165,9 +200,8 @@ def _cost(at: Solution, seen: Sequence[Seen], weights: Sequence[Numbers]) -> flo
     return total if np.isfinite(total) else np.inf
 
 
-def _moved(at: Solution, step: Numbers) -> Solution:
-    k = len(at.lens)
-    return replace(at, lens=at.lens + step[:k], poses=at.poses + step[k:].reshape(-1, 6))
+def _moved(at: Solution, step: tuple[Numbers, Numbers]) -> Solution:
+    return replace(at, lens=at.lens + step[0], poses=at.poses + step[1])
 
 
 def _start(seen: Sequence[Seen], size_px: tuple[int, int], model: LensModel, coefficients: int) -> Solution:
