@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 _STEP = 1e-6
 _MOST_ROUNDS = 60
-_ENOUGH = 1e-10
+_ENOUGH = 1e-8
 _GIVE_UP = 1e12
 
 

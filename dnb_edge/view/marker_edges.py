@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dnb_edge.values import Points
 from dnb_edge.view.lens import Lens
+from dnb_edge.view.marker_patch import marker_patch
 
 FloatArray = NDArray[np.float64]
 
@@ -32,18 +33,22 @@ _LEAST_CONTRAST = 18.0
 _LEAST_SHARE = 0.7
 """Share of a marker's edges that must be seen."""
 _ROUNDS = 4
-_SHIFT_SIGMA_PX = 0.5
-"""How large the shift of dark areas' edges may be before anything is measured."""
+_MORE_ROUNDS = 2
+_PRE_BLUR_PX = 0.5
+"""Noise is smoothed by so much."""
+_BLURS_PX = (0.3, 0.5, 0.7, 0.9, 1.2, 1.6)
+_LARGE_CELL_PX = 12.0
+"""Larger cells' edges do not mix."""
+_LEAST_RESIDUAL_PX = 0.02
 _SHIFT_VARIES_PX = 0.02
 """By how much the shift differs over a picture."""
 _FLOOR_PX = 0.015
 """No corner is placed better than this, however clean the picture."""
-_SMALL_PX = 1.2
+_SMALL_PX = 0.15
 _SMALL_CELL_PX = 2.0
 """Blur mixes the edges of small cells: a corner is then wrong by about `_SMALL_PX` exp(-cell / `_SMALL_CELL_PX`), as measured
 on rendered markers."""
 _WORST_RESIDUAL_PX = 1.0
-_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _STEP_PX = 1e-3
 
 
@@ -71,6 +76,8 @@ class MarkerFit:
 class _Edges:
     """Every edge between a black and a white cell, in units of the square's side, u right and v down."""
 
+    cells: NDArray[np.bool_]
+    """The code, True where it is white."""
     middle: FloatArray
     """(n, 2)"""
     along: FloatArray
@@ -86,6 +93,19 @@ class _Solved:
     """(9, 9) of the corners and the shift."""
     shift_px: float
     shift_sigma_px: float
+    residual_px: float
+    """Of one edge, one standard deviation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blur:
+    """What the camera does to edges, as far as that is known before."""
+
+    px: float | None = None
+    """Standard deviation of its blur, px; None where small cells are taken as they seem."""
+    shift_px: float = 0.0
+    """How far into the dark every edge lies."""
+    shift_sigma_px: float = 0.5
 
 
 def fit_markers(
@@ -95,31 +115,39 @@ def fit_markers(
 
     Those whose edges are not seen well enough are left out.
     """
-    picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), 0.5), dtype=np.float32)
-    starts = {number: (_edges(cells), corners) for number, (cells, corners) in found.items()}
-    first = {
-        number: _solve(picture, edges, corners, lens, shift=(0.0, _SHIFT_SIGMA_PX))
-        for number, (edges, corners) in starts.items()
-    }
-    solved = {number: one for number, one in first.items() if one is not None}
+    picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _PRE_BLUR_PX), dtype=np.float32)
+    codes = {number: _edges(cells) for number, (cells, _) in found.items()}
+    rough = {number: _solve(picture, codes[number], found[number][1], lens, _Blur()) for number in found}
+    solved = {number: one for number, one in rough.items() if one is not None}
     if not solved:
         return []
-    # Optics, exposure and paper are one for the whole picture: what all markers say of the shift helps each.
-    weights = np.array([one.shift_sigma_px**-2 for one in solved.values()])
-    shift = float(np.average([one.shift_px for one in solved.values()], weights=weights))
-    sigma = float(np.hypot(weights.sum() ** -0.5, _SHIFT_VARIES_PX))
-    fits = []
-    for number, one in solved.items():
-        final = _solve(picture, starts[number][0], one.corners, lens, shift=(shift, sigma))
-        if final is not None:
-            fits.append(_fit(number, final, cells=len(found[number][0])))
-    return fits
+    blur = _common_blur(picture, codes, solved, lens)
+    finals = {number: _solve(picture, codes[number], one.corners, lens, blur) for number, one in solved.items()}
+    return [_fit(number, one, codes[number]) for number, one in finals.items() if one is not None]
 
 
-def _fit(number: int, solved: _Solved, *, cells: int) -> MarkerFit:
+def _common_blur(
+    picture: NDArray[np.float32], codes: Mapping[int, _Edges], solved: Mapping[int, _Solved], lens: Lens | None
+) -> _Blur:
+    """The blur at which the markers fit best, and the shift that goes with it. Optics, exposure and paper are one for the whole
+    picture, so what all markers say helps each."""
+    best, least = _Blur(), np.inf
+    small = any(_cell_px(codes[number], one.corners) <= _LARGE_CELL_PX for number, one in solved.items())
+    for blur_px in _BLURS_PX if small else _BLURS_PX[:1]:
+        tried = [_solve(picture, codes[number], one.corners, lens, _Blur(px=blur_px)) for number, one in solved.items()]
+        found = [one for one in tried if one is not None]
+        rest = sum(one.residual_px**2 for one in found) if len(found) == len(tried) else np.inf
+        if rest < least:
+            weights = np.array([one.shift_sigma_px**-2 for one in found])
+            shift = float(np.average([one.shift_px for one in found], weights=weights))
+            sigma = float(np.hypot(weights.sum() ** -0.5, _SHIFT_VARIES_PX))
+            best, least = _Blur(px=blur_px, shift_px=shift, shift_sigma_px=sigma), rest
+    return best
+
+
+def _fit(number: int, solved: _Solved, edges: _Edges) -> MarkerFit:
     sides = np.linalg.norm(solved.corners - np.roll(solved.corners, 1, axis=0), axis=1)
-    shorter = float(min(sides[0] + sides[2], sides[1] + sides[3])) / 2.0
-    floor_px = _FLOOR_PX + _SMALL_PX * float(np.exp(-shorter / cells / _SMALL_CELL_PX))
+    floor_px = _FLOOR_PX + _SMALL_PX * float(np.exp(-_cell_px(edges, solved.corners) / _SMALL_CELL_PX))
     return MarkerFit(
         number=number,
         camera_px=solved.corners,
@@ -127,6 +155,12 @@ def _fit(number: int, solved: _Solved, *, cells: int) -> MarkerFit:
         floor_px=floor_px,
         side_px=float(sides.mean()),
     )
+
+
+def _cell_px(edges: _Edges, corners: FloatArray) -> float:
+    """The shorter side of a cell, px."""
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+    return float(min(sides[0] + sides[2], sides[1] + sides[3])) / 2.0 / len(edges.cells)
 
 
 def _edges(cells: NDArray[np.bool_]) -> _Edges:
@@ -149,28 +183,29 @@ def _edges(cells: NDArray[np.bool_]) -> _Edges:
         middles.append(middle)
         alongs.append(along)
         darks.append(dark)
-    return _Edges(middle=np.concatenate(middles), along=np.concatenate(alongs), dark=np.concatenate(darks))
+    return _Edges(cells=cells, middle=np.concatenate(middles), along=np.concatenate(alongs), dark=np.concatenate(darks))
 
 
 def _solve(
-    picture: NDArray[np.float32], edges: _Edges, corners: FloatArray, lens: Lens | None, *, shift: tuple[float, float]
+    picture: NDArray[np.float32], edges: _Edges, corners: FloatArray, lens: Lens | None, blur: _Blur
 ) -> _Solved | None:
     """Corners (camera px) and shift by Gauss-Newton; None where too few edges are seen or they fit no square."""
-    shift_px, residual_px = shift[0], np.inf
+    shift_px, residual_px = blur.shift_px, 0.1
     inverse: FloatArray = np.eye(9)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if blur.px is None else _MORE_ROUNDS):
         at, normal, reach = _lines(edges, corners, lens)
         off, good = _measured(picture, at, normal, reach, _tangent(edges, corners, lens))
         if good.mean() < _LEAST_SHARE:
             return None
+        off = off - _mixing(edges, corners, blur)
         jacobian = np.column_stack((_jacobian(edges, corners, lens, normal), np.ones(len(off))))[good]
         # A positive shift moves every edge into the dark.
         rest = off[good] - shift_px
-        weight = 1.0 / max(residual_px if np.isfinite(residual_px) else 0.1, 0.02)
+        weight = 1.0 / max(residual_px, _LEAST_RESIDUAL_PX)
         normal_matrix = weight**2 * jacobian.T @ jacobian
-        normal_matrix[8, 8] += shift[1] ** -2
+        normal_matrix[8, 8] += blur.shift_sigma_px**-2
         right = weight**2 * jacobian.T @ rest
-        right[8] += (shift[0] - shift_px) * shift[1] ** -2
+        right[8] += (blur.shift_px - shift_px) * blur.shift_sigma_px**-2
         inverse = np.asarray(np.linalg.inv(normal_matrix), dtype=np.float64)
         step = inverse @ right
         corners, shift_px = corners + step[:8].reshape(4, 2), shift_px + float(step[8])
@@ -180,7 +215,23 @@ def _solve(
             return None
     if residual_px > _WORST_RESIDUAL_PX:
         return None
-    return _Solved(corners=corners, covariance=inverse, shift_px=shift_px, shift_sigma_px=float(np.sqrt(inverse[8, 8])))
+    return _Solved(
+        corners=corners,
+        covariance=inverse,
+        shift_px=shift_px,
+        shift_sigma_px=float(np.sqrt(inverse[8, 8])),
+        residual_px=residual_px,
+    )
+
+
+def _mixing(edges: _Edges, corners: FloatArray, blur: _Blur) -> FloatArray:
+    """How far along its normal each edge seems to lie from where it is, since the blur mixes it with its neighbours, px."""
+    if blur.px is None or _cell_px(edges, corners) > _LARGE_CELL_PX:
+        return np.zeros(len(edges.middle))
+    patch, first = marker_patch(edges.cells, corners, float(np.hypot(blur.px, _PRE_BLUR_PX)))
+    there = corners - first
+    off, _ = _measured(patch, *_lines(edges, there, None), _tangent(edges, there, None))
+    return off
 
 
 def _lines(edges: _Edges, corners: FloatArray, lens: Lens | None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -235,22 +286,24 @@ def _measured(
 
 def _jacobian(edges: _Edges, corners: FloatArray, lens: Lens | None, normal: FloatArray) -> FloatArray:
     """(n, 8): how far each edge moves along its normal for a step of each corner's coordinates."""
-    columns = []
-    for k in range(8):
-        step = np.zeros(8)
-        step[k] = _STEP_PX
-        plus = _placed(edges.middle, corners + step.reshape(4, 2), lens)
-        minus = _placed(edges.middle, corners - step.reshape(4, 2), lens)
-        columns.append(((plus - minus) * normal).sum(axis=1) / (2.0 * _STEP_PX))
-    return np.column_stack(columns)
+    # All sixteen squares with one corner moved at once: a lens's formula costs far more by the call than by the point.
+    steps = np.concatenate((np.eye(8), -np.eye(8))).reshape(16, 4, 2) * _STEP_PX
+    moved = (corners + steps).reshape(-1, 2)
+    ideal = (moved if lens is None else lens.to_ideal_px(moved)).reshape(16, 4, 2)
+    points = np.concatenate([_mapped(square_homography(square), edges.middle) for square in ideal])
+    placed = (points if lens is None else lens.to_camera_px(points)).reshape(2, 8, -1, 2)
+    return np.asarray(((placed[0] - placed[1]) * normal).sum(axis=2).T / (2.0 * _STEP_PX))
 
 
 def _placed(points: Points, corners: FloatArray, lens: Lens | None) -> Points:
     """Camera px (n, 2) of points (n, 2) of the square whose corners (4, 2) are camera px; `lens` bends its sides."""
-    matrix = square_homography(corners if lens is None else lens.to_ideal_px(corners))
-    homogeneous = np.column_stack((points, np.ones(len(points)))) @ matrix.T
-    ideal = homogeneous[:, :2] / homogeneous[:, 2:]
+    ideal = _mapped(square_homography(corners if lens is None else lens.to_ideal_px(corners)), points)
     return ideal if lens is None else lens.to_camera_px(ideal)
+
+
+def _mapped(matrix: FloatArray, points: Points) -> Points:
+    homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
+    return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:])
 
 
 def square_homography(corners: FloatArray) -> FloatArray:

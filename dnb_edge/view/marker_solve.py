@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 FEWEST = 3
 
 _STARTS = 3
+_GOOD_MISFIT = 1.5
+"""With this no other start can do better."""
 _HEIGHT_SIGMA = 0.01
 """How well people measure the camera's height, as a share of it, one standard deviation."""
 _OFF_CENTRE_SIGMA = 0.01
@@ -38,10 +40,11 @@ _BENDING_SIGMA = 0.15
 _STEEPEST_DEG = 80.0
 _VAGUEST_HEIGHT = 0.06
 """An estimated height of a greater sigma than this share of it is none."""
-_WORST_MISFIT_PX = 2.0
-_ODD_PX = 0.5
-_ODD_FACTOR = 4.0
-"""A marker whose corners are further off than both, the second times the others', is not like the others."""
+_WORST_MISFIT_PX = 1.5
+_ODD_MISFIT = 3.0
+_ODD_PX = 0.3
+_BETTER = 0.5
+"""A marker is set aside where the others alone fit better than this share of all together."""
 _STEP = 1e-6
 _FIELDS_DEG = np.geomspace(20.0, 140.0, 15)
 _BASE = 7
@@ -161,20 +164,20 @@ def solve_markers(
     A marker that is not like the others is set aside where three others are left. Raises `InputError` for fewer than three
     markers, and where they fit no camera or do not tell its height.
     """
-    kept: list[MarkerFit] = list(markers)
-    aside: list[int] = []
-    while True:
-        solution = _solve(kept, optics, size_m, height_m, measured, tuple(aside))
-        odd = _odd_marker(solution)
-        if odd is None:
+    kept = list(markers)
+    aside: tuple[int, ...] = ()
+    solution = _solve(kept, optics, size_m, height_m, measured, aside)
+    while _suspicious(solution):
+        others = [[one for one in kept if one is not odd] for odd in kept] if len(kept) > FEWEST else []
+        tried = [
+            _solve(few, optics, size_m, height_m, measured, (*aside, odd.number))
+            for few, odd in zip(others, kept, strict=False)
+        ]
+        best = min(tried, key=lambda one: one.misfit, default=None)
+        if best is None or best.misfit > _BETTER * solution.misfit or 3 * len(best.aside) > len(markers):
             break
-        if len(kept) <= FEWEST or 3 * (len(aside) + 1) > len(markers):
-            raise InputError(
-                f"marker {odd} does not lie like the others: check that every sheet lies flat and was printed at one size, and "
-                "lay out more of them"
-            )
-        aside.append(odd)
-        kept = [marker for marker in kept if marker.number != odd]
+        solution, aside = best, best.aside
+        kept = [one for one in kept if one.number not in aside]
     _check_pose(solution, height_m)
     return solution
 
@@ -202,6 +205,8 @@ def _solve(
         solution = problem.solve(aside)
         if solution is not None and (best is None or solution.misfit < best.misfit):
             best = solution
+        if best is not None and best.misfit < _GOOD_MISFIT:
+            break
     if best is None:
         raise InputError(
             "the markers fit no camera above a floor: check that all lie flat and that --lens is this camera's"
@@ -209,17 +214,18 @@ def _solve(
     return best
 
 
-def _odd_marker(solution: MarkerSolution) -> int | None:
-    """The number of the marker that fits far worse than the others; None where all fit alike."""
-    by_marker = np.sqrt((solution.residual_px**2).mean(axis=1))
-    worst = int(np.argmax(by_marker))
-    others = float(np.median(np.delete(by_marker, worst)))
-    return solution.numbers[worst] if by_marker[worst] > max(_ODD_PX, _ODD_FACTOR * others) else None
+def _rms_px(solution: MarkerSolution) -> float:
+    return float(np.sqrt((solution.residual_px**2).mean()))
+
+
+def _suspicious(solution: MarkerSolution) -> bool:
+    """Whether the corners fit so badly that a marker may be of another size, bent or moved."""
+    return solution.misfit > _ODD_MISFIT and _rms_px(solution) > _ODD_PX
 
 
 def _check_pose(solution: MarkerSolution, height_m: float | None) -> None:
     """Raises `InputError` where the solution is no camera, or says nothing of its height."""
-    if float(np.sqrt((solution.residual_px**2).mean())) > _WORST_MISFIT_PX:
+    if _rms_px(solution) > _WORST_MISFIT_PX:
         raise InputError(
             "the markers do not lie as squares of one size on one flat floor: check that every sheet lies flat and was printed "
             "at one size, and that --lens is this camera's"

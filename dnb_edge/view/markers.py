@@ -30,6 +30,8 @@ SMALLEST_CELL_PX = 2.5
 _SMALLEST_FOUND_PX = 9.0
 _WIDE_PICTURE_PX = 2000
 _SHAKEN_PX = 0.5
+_SETTINGS = ((0.125, 0.03), (0.05, 0.03), (0.05, 0.05))
+"""Of OpenCV's detector: how near squares are one, as a share of their rim, and how crooked their sides may be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,12 +72,8 @@ def find_markers(
 
     Raises `InputError` for an unknown family and where one number is seen twice.
     """
-    squares, read, unread = _detector(family, grey).detectMarkers(grey)
-    found = [
-        (int(number), _corners(square))
-        for square, number in zip(squares, () if read is None else np.ravel(read).tolist(), strict=True)
-        if numbers is None or int(number) in numbers
-    ]
+    read, unread = _read(grey, family)
+    found = [(number, corners) for number, corners in read if numbers is None or number in numbers]
     _check_repeated(found)
     cells = len(marker_cells(family, 0))
     small = [(number, _side_px(corners)) for number, corners in found if _side_px(corners) < SMALLEST_CELL_PX * cells]
@@ -85,7 +83,7 @@ def find_markers(
         markers=tuple(sorted(fits, key=lambda fit: fit.number)),
         too_small=tuple(sorted(small)),
         unclear=tuple(sorted(set(large) - {fit.number for fit in fits})),
-        unread=len(unread),
+        unread=unread,
     )
 
 
@@ -156,8 +154,7 @@ def families_in(grey: GreyImage, *, but: str) -> dict[str, int]:
         if family.partition("_")[0] == but.partition("_")[0] and "APRILTAG" not in family:
             continue
         if family != but:
-            _, read, _ = _detector(family, grey).detectMarkers(grey)
-            counts[family] = 0 if read is None else len(read)
+            counts[family] = len(_read(grey, family)[0])
     return {family: count for family, count in counts.items() if count}
 
 
@@ -167,9 +164,29 @@ def _codes(family: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(int(getattr(cv2.aruco, f"DICT_{family}")))
 
 
-def _detector(family: str, grey: GreyImage) -> cv2.aruco.ArucoDetector:
+def _read(grey: GreyImage, family: str) -> tuple[list[tuple[int, NDArray[np.float64]]], int]:
+    """Number and rough corners (4, 2), camera px, of every code that is read, and how many squares were not.
+
+    The sheet's rim is a square round the marker, and OpenCV takes squares that are near one another for one, by rules that miss
+    the marker now and then: what any of several settings reads counts.
+    """
+    found: list[tuple[int, NDArray[np.float64]]] = []
+    unread = 0
+    for apart, smooth in _SETTINGS:
+        squares, numbers, others = _detector(family, grey, apart=apart, smooth=smooth).detectMarkers(grey)
+        unread = len(others) if unread == 0 else min(unread, len(others))
+        for square, number in zip(squares, () if numbers is None else np.ravel(numbers).tolist(), strict=True):
+            corners = _corners(square)
+            if not any(int(number) == other and _overlap(corners, there) for other, there in found):
+                found.append((int(number), corners))
+    return found, unread
+
+
+def _detector(family: str, grey: GreyImage, *, apart: float, smooth: float) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+    parameters.minMarkerDistanceRate = apart
+    parameters.polygonalApproxAccuracyRate = smooth
     parameters.minMarkerPerimeterRate = 4.0 * _SMALLEST_FOUND_PX / max(grey.shape)
     if max(grey.shape) > _WIDE_PICTURE_PX:
         parameters.adaptiveThreshWinSizeMax = 53
@@ -182,6 +199,11 @@ def _check_repeated(found: list[tuple[int, NDArray[np.float64]]]) -> None:
         raise InputError(
             f"marker {', '.join(map(str, twice))} is seen more than once: lay each number down once, and take copies away"
         )
+
+
+def _overlap(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    apart = float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
+    return apart < 0.5 * max(_side_px(one), _side_px(other))
 
 
 def _side_px(corners: NDArray[np.float64]) -> float:

@@ -149,17 +149,28 @@ def _floor(view: View, rng: np.random.Generator):
     return np.clip(cv2.remap(texture, shrunk[..., 0], shrunk[..., 1], cv2.INTER_LINEAR), 0.02, 0.9)
 
 
+def _sampled(view: View, low, high):
+    """Floor points (n, 2) of `_SAMPLES` squared samples in each pixel from `low` to before `high`, row by row: exact at the
+    pixels' corners, linear between."""
+    (u0, v0), (u1, v1) = low, high
+    grid_u, grid_v = np.meshgrid(np.arange(u0, u1 + 1) - 0.5, np.arange(v0, v1 + 1) - 0.5)
+    corners = view.floor_points(np.column_stack((grid_u.ravel(), grid_v.ravel())))
+    corners = corners.reshape(v1 - v0 + 1, u1 - u0 + 1, 2)
+    inside = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES)[:, None, None, None]
+    rows = corners[:-1] * (1 - inside) + corners[1:] * inside
+    rows = rows.transpose(1, 0, 2, 3).reshape(-1, u1 - u0 + 1, 2)
+    across = inside[:, 0, 0]
+    columns = rows[:, :-1, None] * (1 - across) + rows[:, 1:, None] * across
+    return columns.reshape(-1, 2)
+
+
 def _lay(light, view: View, sheet: Sheet, look: Look, family: str):
     """Draws one sheet, `_SAMPLES` squared samples a pixel."""
     outer = replace(sheet, size_m=sheet.size_m + 2 * QUIET_M).corners_m()
     px = view.project(np.column_stack((outer, np.zeros(4))))
     (u0, v0), (u1, v1) = np.floor(px.min(axis=0)).astype(int) - 1, np.ceil(px.max(axis=0)).astype(int) + 2
     u0, v0, u1, v1 = max(u0, 0), max(v0, 0), min(u1, view.width_px), min(v1, view.height_px)
-    inside = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
-    u = (np.arange(u0, u1)[:, None] + inside).ravel()
-    v = (np.arange(v0, v1)[:, None] + inside).ravel()
-    grid_u, grid_v = np.meshgrid(u, v)
-    floor = view.floor_points(np.column_stack((grid_u.ravel(), grid_v.ravel()))) - (sheet.x_m, sheet.y_m)
+    floor = _sampled(view, (u0, v0), (u1, v1)) - (sheet.x_m, sheet.y_m)
     c, s = math.cos(sheet.turned_rad), math.sin(sheet.turned_rad)
     local = floor @ np.array([[c, -s], [s, c]])
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{family}"))
