@@ -1,22 +1,23 @@
-"""`dnb-edge calibrate keypoints`: how well clicked points tie the camera's picture to the twin."""
+"""`dnb-edge calibrate keypoints`: clicked points tie the camera's picture to the twin, and how well they do."""
 
 from __future__ import annotations
 
 import json
-import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from dnb_edge.config.keypoints import load_yaml_pairs
+from dnb_edge.cli.calibration_out import check_calibration_path, save_calibration
+from dnb_edge.cli.keypoint_input import Given, Options, gather
+from dnb_edge.cli.keypoint_words import Found, facts, print_found
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
-from dnb_edge.view.homography import CalibrationError, CountError, calibration_error, error_by_count
-from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
+from dnb_edge.view.advice import advise, hull_px, lane_px
+from dnb_edge.view.fit import CLICK_SIGMA_PX, TWIN_SIGMA_PX, KeypointFit, fit_keypoints
+from dnb_edge.view.homography import calibration_error, error_by_count, ideal_pairs
 
 
 def keypoints(
@@ -26,84 +27,153 @@ def keypoints(
     pairs_path: Annotated[
         Path | None, typer.Option("--keypoints", help="A YAML file with both, instead of the two.")
     ] = None,
+    config_file: Annotated[
+        Path | None,
+        typer.Option("--config", "-c", help="A run's configuration: its keypoints, twin, scale, track and image size."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="With --config: set one key, such as data_dir=DIR.")
+    ] = None,
+    without: Annotated[list[str] | None, typer.Option(help="Leave out the keypoint of this name; repeat it.")] = None,
     metres_per_px: Annotated[float | None, typer.Option(help="The twin's scale, for errors in metres too.")] = None,
+    image_size: Annotated[
+        str | None, typer.Option(help="WxH of the picture on which the camera's points were clicked, px.")
+    ] = None,
+    click_sigma_px: Annotated[
+        float, typer.Option(help="How far off clicks are, one sigma along either axis, px of that picture.")
+    ] = CLICK_SIGMA_PX,
+    twin_sigma_px: Annotated[
+        float, typer.Option(help="How far off the points on the twin are, the same way, twin px.")
+    ] = TWIN_SIGMA_PX,
+    lens: Annotated[Path | None, typer.Option(help="The camera's lens, by `calibrate lens`.")] = None,
+    camera_id: Annotated[
+        str | None, typer.Option(help="The camera's identity, for the calibration file. Default: the lens file's.")
+    ] = None,
+    twin_image: Annotated[Path | None, typer.Option(help="The twin's picture. Default: the one of --config.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="The picture clicked on: for the sigma map, and kept with the calibration.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the calibration file (YAML) here.")] = None,
+    sigma_map: Annotated[
+        Path | None, typer.Option(help="Write the map of the position's sigma (.png or .svg) here.")
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Write the plot of error against number of keypoints (.png or .svg) here.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Fit the homography to keypoint pairs and print its error, in all and by number of keypoints."""
-    if metres_per_px is not None and not (math.isfinite(metres_per_px) and metres_per_px > 0):
-        raise InputError(f"--metres-per-px {metres_per_px:g}: must be a positive number")
-    if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
-        raise InputError(f"--plot {plot}: the name must end in .png or .svg")
-    pairs = _load(camera, twin, pairs_path)
-    error = calibration_error(pairs, metres_per_px=metres_per_px)
-    by_count = error_by_count(pairs)
+    """Fit the map from the camera to the twin to clicked points, and say how well it is known.
+
+    Errors in all and by number of keypoints are those of plain least squares, as the paper has them; the calibration file
+    gets the most likely map, with its sigma at every point.
+    """
+    for name, path in (("--plot", plot), ("--sigma-map", sigma_map)):
+        if path is not None:
+            _check_picture_path(name, path)
+    if out is not None:
+        check_calibration_path(out)
+    options = Options(
+        camera=camera, twin=twin, pairs=pairs_path, config=config_file, overrides=overrides or (), without=without or (),
+        metres_per_px=metres_per_px, image_size=image_size, lens=lens, twin_image=twin_image, picture=picture,
+        camera_id=camera_id,
+    )  # fmt: skip
+    given = gather(options)
+    _check_enough(given, out, sigma_map)
+    found = _found(given, click_sigma_px, twin_sigma_px, without or ())
     if plot is not None:
-        _draw(plot, by_count)
+        _draw_counts(plot, found)
+    if sigma_map is not None:
+        _draw_map(sigma_map, given, found)
+    if out is not None:
+        identity = camera_id if camera_id is not None else given.camera_id
+        calibration = replace(found.fit.calibration, camera_id=identity, inputs=given.inputs, notes=found.notes)
+        save_calibration(out, calibration, given.picture)
     if as_json:
-        typer.echo(json.dumps(_facts(pairs, error, by_count)))
+        typer.echo(json.dumps(facts(given, found)))
     else:
-        _print(pairs, error, by_count)
+        print_found(Console(), given, found, out)
 
 
-def _draw(plot: Path, by_count: tuple[CountError, ...]) -> None:
+def _check_picture_path(name: str, path: Path) -> None:
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise InputError(f"{name} {path}: the name must end in .png or .svg")
+
+
+def _check_enough(given: Given, out: Path | None, sigma_map: Path | None) -> None:
+    """Raises `InputError` where what is to be written needs what is not known."""
+    wanted = "--out" if out is not None else "--sigma-map" if sigma_map is not None else None
+    if wanted is not None and given.size_px is None:
+        raise InputError(f"{wanted}: give --image-size WxH, the size of the picture on which the points were clicked")
+    if out is not None and given.metres_per_px is None:
+        raise InputError("--out: give --metres-per-px, the twin's scale, or the run's --config")
+    if out is not None and given.twin_height_px is None:
+        raise InputError("--out: give --twin-image, the twin's picture, or the run's --config")
+    if given.picture is not None and given.size_px is not None:
+        height, width = given.picture.shape[:2]
+        if (width, height) != given.size_px:
+            raise InputError(
+                f"--picture: {width}x{height} px, the points were clicked on one of {given.size_px[0]}x{given.size_px[1]}: "
+                "give that picture, or the right --image-size"
+            )
+
+
+def _found(given: Given, click_sigma_px: float, twin_sigma_px: float, without: list[str] | tuple[str, ...]) -> Found:
+    for name, sigma_px in (("--click-sigma-px", click_sigma_px), ("--twin-sigma-px", twin_sigma_px)):
+        if not 0.0 < sigma_px < 1e4:
+            raise InputError(f"{name} {sigma_px:g}: must be a positive number of px")
+    width_px, height_px = given.likely_size_px
+    fit = fit_keypoints(
+        given.pairs, given.scale, width_px=width_px, height_px=height_px, lens=given.lens, click_sigma_px=click_sigma_px,
+        twin_sigma_px=twin_sigma_px,
+    )  # fmt: skip
+    plain = ideal_pairs(given.pairs, given.lens)
+    clicked = given.pairs.camera_array()
+    ground = fit.calibration.ground
+    places = hull_px(clicked) if given.track is None else lane_px(ground, given.track)
+    if not len(places):
+        raise InputError(
+            f"{given.pairs.source}: the picture shows nothing of the track: check the image size and the twin"
+        )
+    left_out = (f"left out by hand: {', '.join(without)}",) if without else ()
+    return Found(
+        fit=fit,
+        plain=calibration_error(plain, metres_per_px=given.metres_per_px),
+        by_count=error_by_count(plain),
+        sigmas_m=fit.calibration.sigma_m(places),
+        over="the lane" if given.track is not None else "the area between the keypoints",
+        notes=(*left_out, *_notes(given, fit)),
+        advice=advise(fit, clicked, places, given.say),
+    )
+
+
+def _notes(given: Given, fit: KeypointFit) -> tuple[str, ...]:
+    """The calibration's notes; where the camera stands cannot be told from a picture whose size is made up."""
+    notes = fit.calibration.notes
+    return notes if given.size_px is not None or fit.calibration.pose is not None else notes[:-1]
+
+
+def _draw_counts(plot: Path, found: Found) -> None:
     from dnb_edge.report.calibration import error_by_count_picture  # noqa: PLC0415 Matplotlib is slow to import
 
-    form: Literal["png", "svg"] = "svg" if plot.suffix.lower() == ".svg" else "png"
-    write_whole(plot, error_by_count_picture(by_count, picture_format=form))
+    write_whole(plot, error_by_count_picture(found.by_count, picture_format=_form(plot)))
 
 
-def _load(camera: Path | None, twin: Path | None, pairs_path: Path | None) -> KeypointPairs:
-    if pairs_path is not None:
-        if camera is not None or twin is not None:
-            raise InputError("--keypoints: give it or --camera and --twin, not both")
-        return load_yaml_pairs(pairs_path)
-    if camera is None or twin is None:
-        raise InputError("calibrate keypoints: give --camera and --twin (.npy), or --keypoints (.yaml)")
-    return load_npy_pairs(camera, twin)
+def _draw_map(path: Path, given: Given, found: Found) -> None:
+    from dnb_edge.report.sigma_map import SigmaMap, sigma_map_picture  # noqa: PLC0415 Matplotlib is slow to import
+
+    fit = found.fit
+    wanted = SigmaMap(
+        calibration=fit.calibration,
+        pairs=given.pairs,
+        wrong=(*(outlier.name for outlier in fit.outliers), *fit.suspects),
+        track=given.track,
+        twin=given.twin,
+        picture=given.picture,
+        unit=given.unit,
+        per_metre=given.per_metre,
+    )
+    write_whole(path, sigma_map_picture(wanted, picture_format=_form(path)))
 
 
-def _facts(pairs: KeypointPairs, error: CalibrationError, by_count: tuple[CountError, ...]) -> dict[str, Any]:
-    facts: dict[str, Any] = {
-        "mean_px": error.mean_px,
-        "sum_px": error.sum_px,
-        "max_px": error.max_px,
-        "leave_one_out_mean_px": error.leave_one_out_mean_px,
-    }
-    if error.mean_m is not None:
-        facts |= {
-            "mean_m": error.mean_m,
-            "sum_m": error.sum_m,
-            "max_m": error.max_m,
-            "leave_one_out_mean_m": error.leave_one_out_mean_m,
-        }
-    facts["by_count"] = [{"points": row.points, "mean_px": row.mean_px, "sum_px": row.sum_px} for row in by_count]
-    named = zip(pairs.names, error.per_point_px, strict=True)
-    facts["by_keypoint"] = [{"name": name, "error_px": error_px} for name, error_px in named]
-    return facts
-
-
-def _print(pairs: KeypointPairs, error: CalibrationError, by_count: tuple[CountError, ...]) -> None:
-    console = Console()
-    total = Table("over all keypoints", "twin px", *(["mm"] if error.mean_m is not None else []), box=None)
-    for label, in_px, in_m in (
-        ("mean", error.mean_px, error.mean_m),
-        ("accumulated", error.sum_px, error.sum_m),
-        ("greatest", error.max_px, error.max_m),
-        ("mean, each left out in turn", error.leave_one_out_mean_px, error.leave_one_out_mean_m),
-    ):
-        px = "needs five keypoints" if in_px is None else f"{in_px:.2f}"
-        total.add_row(label, px, *([] if in_m is None else [f"{in_m * 1000:.1f}"]))
-    console.print(total)
-    console.print()
-    counts = Table("fitted to the first", "mean, twin px", "accumulated, twin px", box=None)
-    for row in by_count:
-        counts.add_row(str(row.points), f"{row.mean_px:.2f}", f"{row.sum_px:.2f}")
-    console.print(counts)
-    console.print()
-    points = Table("keypoint", "camera px", "twin px", "error, twin px", box=None)
-    for name, (u, v), (x, y), off in zip(pairs.names, pairs.camera_px, pairs.twin_px, error.per_point_px, strict=True):
-        points.add_row(escape(name), f"{u:g}, {v:g}", f"{x:g}, {y:g}", f"{off:.2f}")
-    console.print(points)
+def _form(path: Path) -> Literal["png", "svg"]:
+    return "svg" if path.suffix.lower() == ".svg" else "png"

@@ -126,6 +126,8 @@ def fit_keypoints(
     local = 1.0 + 0.25 * len(clean) * max(0.0, 1.0 - _SLOPPY / factor)
     covariance = fit.covariance(factor * student * local)
     pose, pose_note = _pose(ground)
+    if pose is not None:
+        ground = replace(ground, camera_m=pose.position_m)
     calibration = Calibration(
         ground=ground,
         covariance=tuple(map(tuple, covariance.tolist())),

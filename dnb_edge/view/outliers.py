@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.values import Points
-from dnb_edge.view.weighted import Floats, NoFitError, WeightedFit, WeightedPoints, fit_weighted, plain_fit
+from dnb_edge.view.weighted import Floats, NoFitError, WeightedPoints, fit_weighted, plain_fit
 
 PRIOR_FREEDOM = 4
 """How many numbers the stated sigma is worth beside those seen."""
@@ -111,11 +111,13 @@ def find_outliers(points: WeightedPoints) -> Findings:
     while len(inside) < n:
         fit = fit_weighted(points.at(np.array(inside)))
         outside = [k for k in range(n) if k not in inside]
-        far = [_distance(fit, points, k) for k in outside]
+        far = fit.distances(points.at(np.array(outside)))
         nearest = int(np.argmin(far))
         freedom = 2 * len(inside) - 8
         factor = variance_factor(fit.chi_squared, freedom)
-        if n * f_tail(far[nearest] / (2 * factor), 2, PRIOR_FREEDOM + freedom) < LEVEL and _stands_out(points, inside):
+        if n * f_tail(float(far[nearest]) / (2 * factor), 2, PRIOR_FREEDOM + freedom) < LEVEL and _stands_out(
+            points, inside
+        ):
             return _told_apart(points, inside, outside)
         inside = sorted([*inside, outside[nearest]])
     return Findings()
@@ -191,15 +193,6 @@ def _told_apart(points: WeightedPoints, inside: list[int], outside: list[int]) -
     return Findings(outliers=tuple(outside))
 
 
-def _distance(fit: WeightedFit, points: WeightedPoints, k: int) -> float:
-    """Squared distance of place k from where the fit, in which it has no part, puts it, in sigmas."""
-    try:
-        apart, covariance = fit.apart(points.at(np.array([k])))
-    except NoFitError:
-        return math.inf
-    return float(apart[0] @ np.linalg.solve(covariance[0], apart[0]))
-
-
 def _most_alike(points: WeightedPoints) -> list[int] | None:
     """The half of the places (and a little more) that agree best with one map; None where no four fix one."""
     n = len(points)
@@ -223,12 +216,10 @@ def _half(count: int) -> int:
 
 def _settled(points: WeightedPoints, chosen: NDArray[np.intp], half: int) -> tuple[float, list[int]] | None:
     """Fit, take the nearest half, and again, until they stay: (chi squared, places)."""
-    everyone = np.arange(len(points))
     try:
         for _ in range(_SETTLED):
             fit = fit_weighted(points.at(chosen))
-            far = np.array([_distance(fit, points, int(k)) for k in everyone])
-            nearest = np.sort(np.argsort(far, kind="stable")[:half])
+            nearest = np.sort(np.argsort(fit.distances(points), kind="stable")[:half])
             if np.array_equal(nearest, chosen):
                 break
             chosen = nearest

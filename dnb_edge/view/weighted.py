@@ -29,6 +29,7 @@ _STEPS = 60
 _DONE = 1e-14
 """Squared length of a step, in sigmas, after which the map is taken as found."""
 _DAMPED_AWAY = 1e12
+_LEAST_DEPTH = 1e-9
 
 
 class NoFitError(Exception):
@@ -119,16 +120,26 @@ class WeightedFit:
 
     def apart(self, points: WeightedPoints) -> tuple[Floats, Floats]:
         """Residuals (n, 2), ideal px, of any places, and their covariance (n, 2, 2) if they took no part in the fit: noise
-        of the place and of the map. Raises `NoFitError` where one would lie beyond the horizon.
+        of the place and of the map. Infinite residuals, and no covariance, for places behind the camera.
         """
-        given = _Normalised.of(points, self.normalise_ideal, self.normalise_twin)
-        at = given.at(self.twin_to_ideal)
-        if at is None:
-            raise NoFitError
+        at = _Normalised.of(points, self.normalise_ideal, self.normalise_twin).anywhere(self.twin_to_ideal)
         by_step = at.by_nine @ self.basis
         covariance = at.noise + by_step @ self.inverse_covariance @ by_step.transpose(0, 2, 1)
+        behind = at.depth <= _LEAST_DEPTH
+        residual = np.where(behind[:, None], np.inf, at.residual)
+        covariance = np.where(behind[:, None, None], np.eye(2), covariance)
         px = 1.0 / self.normalise_ideal[0, 0]
-        return at.residual * px, covariance * px**2
+        return residual * px, covariance * px**2
+
+    def distances(self, points: WeightedPoints) -> Floats:
+        """(n,) squared distances, in sigmas, of any places from where the map puts them, as if they took no part in the fit;
+        infinite behind the camera.
+        """
+        residual, covariance = self.apart(points)
+        seen = np.isfinite(residual).all(axis=1)
+        squares = np.full(len(points), np.inf)
+        squares[seen] = ((_whitener(covariance[seen]) @ residual[seen, :, None]) ** 2).sum(axis=(1, 2))
+        return squares
 
 
 def fit_weighted(points: WeightedPoints, start: Floats | None = None) -> WeightedFit:
@@ -188,6 +199,8 @@ class _At:
     noise: Floats
     by_nine: Floats
     """(n, 2, 9), derivative of the predicted point by the map's nine numbers."""
+    depth: Floats
+    """(n,), third coordinate; positive ahead of the camera."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,10 +224,13 @@ class _Normalised:
 
     def at(self, g: Floats) -> _At | None:
         """None where a point would lie behind the camera."""
+        return self.anywhere(g) if ((self.twin @ g[2]) > _LEAST_DEPTH).all() else None
+
+    def anywhere(self, g: Floats) -> _At:
+        """The same with numbers that mean nothing for points behind the camera."""
         x = self.twin @ g.T
-        w = x[:, 2]
-        if not (w > 1e-9).all():
-            return None
+        depth = x[:, 2]
+        w = np.maximum(depth, _LEAST_DEPTH)
         predicted = x[:, :2] / w[:, None]
         by_twin = (g[None, :2, :2] - predicted[:, :, None] * g[None, 2:, :2]) / w[:, None, None]
         noise = self.click_cov + self.twin_var[:, None, None] * (by_twin @ by_twin.transpose(0, 2, 1))
@@ -223,7 +239,7 @@ class _Normalised:
         by_nine[:, 0, 0:3] = scaled
         by_nine[:, 1, 3:6] = scaled
         by_nine[:, :, 6:9] = -predicted[:, :, None] * scaled[:, None, :]
-        return _At(g, self.ideal - predicted, noise, by_nine)
+        return _At(g, self.ideal - predicted, noise, by_nine, depth)
 
 
 def _sum(white: Floats, residual: Floats) -> float:
