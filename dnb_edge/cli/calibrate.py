@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from dnb_edge.cli.calibrate_check import check
 from dnb_edge.cli.calibrate_keypoints import keypoints
 from dnb_edge.cli.calibrate_lens import lens
 from dnb_edge.cli.calibrate_markers import markers
@@ -14,6 +15,7 @@ app.command("keypoints")(keypoints)
 app.command("lens")(lens)
 app.command("markers")(markers)
 app.command("refine")(refine)
+app.command("check")(check)
 
 
 @app.callback()
