@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import cv2
 import typer
 
+from dnb_edge.cli import track_lane
 from dnb_edge.cli import track_options as options
+from dnb_edge.cli import track_origin as origins
 from dnb_edge.cli.track_facts import facts, sentence, table
-from dnb_edge.config.track_file import MadeOf, load_track_file, track_file
+from dnb_edge.cli.track_from import Made, ShowLoops, made_of_files
+from dnb_edge.cli.track_lane import LaneOptions
+from dnb_edge.cli.track_origin import Origin
+from dnb_edge.config.track_file import load_track_file, track_file
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
 from dnb_edge.track.build import TrackSettings, build_route, track_from_route
-from dnb_edge.track.loop import SeveralLoops
+from dnb_edge.track.lane_shade import LaneShade
+from dnb_edge.track.loop import Loop, SeveralLoops
 from dnb_edge.track.overlay import draw_loops, draw_track
 from dnb_edge.track.route import Route
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.track.twin import LaneColour, load_twin
+from dnb_edge.track.twin import colour_at, load_twin
 from dnb_edge.values import BgrImage
 
 app = typer.Typer(help="Build a track from its twin's picture, and draw one.", no_args_is_help=True)
@@ -30,11 +36,22 @@ app = typer.Typer(help="Build a track from its twin's picture, and draw one.", n
 @app.command("build")
 def build(
     *,
-    image: Annotated[Path, typer.Option(help="The twin's picture.")],
-    lane_hsv: Annotated[
-        str, typer.Option(help="Lane colour: hue 0-360, saturation 0-100, value 0-100, such as 330,23,84.")
-    ],
-    lane_tolerance: Annotated[str, typer.Option(help="How far each of the three may differ.")] = "20,14,20",
+    image: Annotated[Path | None, typer.Option(help="The twin's picture: a drawing from straight above.")] = None,
+    photo: origins.Photos = None,
+    source: origins.Source = None,
+    laps: origins.Laps = None,
+    drive: origins.Drive = None,
+    calibration: origins.CalibrationFile = None,
+    lane: track_lane.Shade = None,
+    lane_hsv: track_lane.Hsv = None,
+    lane_hex: track_lane.Hex = None,
+    lane_pixel: track_lane.Pixel = None,
+    lane_tolerance: track_lane.Tolerance = track_lane.USUAL_TOLERANCE,
+    area: origins.Area = None,
+    lane_width_m: origins.LaneWidth = None,
+    rounds: origins.Rounds = None,
+    detector: origins.DetectorKind = None,
+    model: origins.Model = None,
     length_m: Annotated[
         float | None, typer.Option(help="A measured length, m: of the line --measured, or else of one lap.")
     ] = None,
@@ -54,21 +71,42 @@ def build(
     overlay: Annotated[
         Path | None, typer.Option(help="Write a picture of the route on the twin (PNG) here. Default: beside --out.")
     ] = None,
+    twin_out: origins.TwinOut = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Find the route in a twin's picture: ordered, down the middle of the lane, closed or from point to point."""
-    hue, saturation, value = options.numbers("--lane-hsv", lane_hsv, 3)
-    tolerances = options.numbers("--lane-tolerance", lane_tolerance, 3)
-    settings = TrackSettings(
-        name=name if name is not None else image.stem,
-        lane_colour=LaneColour(
-            hue_deg=hue,
-            saturation_percent=saturation,
-            value_percent=value,
-            hue_tolerance_deg=tolerances[0],
-            saturation_tolerance_percent=tolerances[1],
-            value_tolerance_percent=tolerances[2],
+    """Find the route in a drawing, in photographs of the empty track, or from laps that were driven.
+
+    Ordered, down the middle of the lane, closed or from point to point.
+    """
+    wanted = origins.Origin(
+        image=image,
+        photos=tuple(photo or ()),
+        source=source,
+        laps=tuple(laps or ()),
+        drive=drive,
+        calibration=calibration,
+        lane=track_lane.LaneOptions(
+            shade=lane, hsv=lane_hsv, hex_colour=lane_hex, pixel=lane_pixel, tolerance=lane_tolerance
         ),
+        area=area,
+        lane_width_m=lane_width_m,
+        rounds=rounds,
+        detector=detector,
+        model=model,
+        other={
+            "--length-m": length_m,
+            "--measured": measured,
+            "--metres-per-px": metres_per_px,
+            "--waypoint": waypoint,
+            "--open": open_route,
+            "--close-gap-px": close_gap_px,
+            "--twin-out": twin_out,
+        },
+    )
+    wanted.check()
+    settings = TrackSettings(
+        name=name if name is not None else wanted.name,
+        lane_colour=LaneShade.AUTO,
         closed=not open_route,
         start_line_px=None if start_line is None else options.line("--start-line", start_line),
         start_at_px=None if start_at is None else options.point("--start-at", start_at),
@@ -79,29 +117,16 @@ def build(
         waypoints_px=options.points("--waypoint", waypoint),
         close_gap_px=close_gap_px,
     )
-    _check_scale_options(length_m, measured, metres_per_px)
-    picture = load_twin(image)
-    try:
-        route = build_route(picture, settings, source=str(image))
-    except SeveralLoops as error:
+
+    def show_loops(picture: BgrImage, loops: tuple[Loop, ...]) -> None:
         if overlay is not None:
-            write_whole(overlay, _png(draw_loops(picture, error.loops)))
-        raise
-    scale = _scale(picture, route, length_m, measured, metres_per_px)
-    if scale is None and out is not None:
-        raise InputError("--out: a track file needs the scale: give --length-m (with --measured) or --metres-per-px")
-    # Without a scale the track is laid out in pixels, for its direction and its picture only.
-    unscaled = TwinScale(metres_per_px=1.0, height_px=float(picture.shape[0]))
-    track = track_from_route(route, scale if scale is not None else unscaled, settings, source=str(image))
-    if out is not None:
-        sha256 = hashlib.sha256(image.read_bytes()).hexdigest()
-        made_of = MadeOf(picture=image.name, sha256=sha256, waypoints_px=settings.waypoints_px)
-        write_whole(out, track_file(track, made_of))
-        overlay = _beside(out, image) if overlay is None else overlay
-    if overlay is not None:
-        write_whole(overlay, _png(draw_track(picture, track)))
-    found = facts(route, scale, track.centreline)
-    typer.echo(json.dumps(found) if as_json else sentence(settings.name, found))
+            write_whole(overlay, _png(draw_loops(picture, loops)))
+
+    if image is None:
+        made = wanted.made(settings, show_loops)
+    else:
+        made = _from_drawing(image, wanted.lane, settings, (length_m, measured, metres_per_px), show_loops)
+    _write(made, wanted, out=out, overlay=overlay, twin_out=twin_out, as_json=as_json)
 
 
 @app.command("show")
@@ -123,10 +148,63 @@ def show(
     typer.echo(f"{file.track.name}: {file.track.centreline.length_m:.3f} m{drawn}\n{table(file)}")
 
 
-def _beside(out: Path, image: Path) -> Path:
+def _from_drawing(
+    image: Path,
+    lane: LaneOptions,
+    settings: TrackSettings,
+    scale_options: tuple[float | None, str | None, float | None],
+    show_loops: ShowLoops,
+) -> Made:
+    """The route in a drawing, with its scale where the options tell it."""
+    _check_scale_options(*scale_options)
+    picture = load_twin(image)
+    settings = replace(settings, lane_colour=lane.lane(lambda at: colour_at(picture, at, source=str(image))))
+    try:
+        route = build_route(picture, settings, source=str(image))
+    except SeveralLoops as error:
+        show_loops(picture, error.loops)
+        raise
+    made_of = made_of_files([image], settings.waypoints_px)
+    scale = _scale(picture, route, *scale_options)
+    return Made(route=route, scale=scale, picture=picture, settings=settings, made_of=made_of)
+
+
+def _write(
+    made: Made, wanted: Origin, *, out: Path | None, overlay: Path | None, twin_out: Path | None, as_json: bool
+) -> None:
+    """Lays the track out, writes what is wanted and says what came out."""
+    scale, picture = made.scale, made.picture
+    if scale is None and out is not None:
+        raise InputError("--out: a track file needs the scale: give --length-m (with --measured) or --metres-per-px")
+    # Without a scale the track is laid out in pixels, for its direction and its picture only.
+    laid_out_in = scale
+    if laid_out_in is None:
+        assert picture is not None, "only a drawing may be without a scale"
+        laid_out_in = TwinScale(metres_per_px=1.0, height_px=float(picture.shape[0]))
+    track = track_from_route(made.route, laid_out_in, made.settings, source=wanted.source_name)
+    if out is not None:
+        write_whole(out, track_file(track, made.made_of))
+        overlay = _beside(out, wanted.image, twin_out) if overlay is None else overlay
+    if overlay is not None:
+        write_whole(overlay, _png(draw_track(picture, track)))
+    if twin_out is not None:
+        if picture is None:
+            raise InputError(
+                f"--twin-out {twin_out}: the recording holds no pictures of its frames' size: leave it out"
+            )
+        write_whole(twin_out, _png(picture))
+    found = facts(made.route, scale, track.centreline)
+    if made.laps is not None:
+        found |= {"laps": made.laps, "spread_m": made.spread_m}
+    for note in made.notes:
+        typer.echo(note, err=True)
+    typer.echo(json.dumps(found) if as_json else sentence(made.settings.name, found))
+
+
+def _beside(out: Path, *others: Path | None) -> Path:
     """The picture's path for the track file `out`: the same name, unless that is the twin or the track file itself."""
     overlay = out.with_suffix(".png")
-    taken = overlay.resolve() in (image.resolve(), out.resolve())
+    taken = overlay.resolve() in {path.resolve() for path in (out, *others) if path is not None}
     return out.with_name(f"{out.stem}-overlay.png") if taken else overlay
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from dnb_edge.errors import InputError
 from dnb_edge.track.light import Mask, even_light
+from dnb_edge.track.loop import Loop, SeveralLoops
 from dnb_edge.track.route import Route, find_route
 from dnb_edge.track.twin import Lane, LaneColour, colour_at, lane_mask
 from dnb_edge.values import BgrImage, PointPx, Points
@@ -23,7 +24,6 @@ from dnb_edge.view.rectify import (
     Extent,
     finest_metres_per_px,
     rectified,
-    rectified_size_px,
     seen_mask,
     visible_extent_m,
 )
@@ -104,6 +104,8 @@ def route_in(
     waypoints = tuple((u, v) for u, v in floor.to_px(at_m).tolist())
     try:
         found = find_route(mask, waypoints_px=waypoints, closed=closed, source=source)
+    except SeveralLoops as error:
+        raise SeveralLoops(source, tuple(_on_twin(loop, floor, ground) for loop in error.loops)) from error
     except InputError as error:
         cut = _cut_at_m(mask, floor)
         if cut is None:
@@ -120,17 +122,29 @@ def route_in(
     )
 
 
-def twin_of(picture: BgrImage, ground: GroundMap, route: Route) -> BgrImage:
-    """The photograph as the twin of its map: as high as that, and as wide as the route needs, half a lane beside it.
+def twin_of(picture: BgrImage, ground: GroundMap, *, right_px: float) -> BgrImage:
+    """The photograph as the twin of its map: as high as that, and as wide as to show the twin px up to `right_px`.
 
     What lies to the left of the twin's left edge, or above its top, cannot be in it.
     """
     scale = ground.scale
-    margin_px = float(np.median(route.half_left_px + route.half_right_px))
-    width_px = max(1, math.ceil(float(route.points_px[:, 0].max()) + 1.5 * margin_px))
+    width_px = max(1, math.ceil(right_px))
     extent_m = (0.0, 0.0, width_px * scale.metres_per_px, scale.height_px * scale.metres_per_px)
-    rectified_size_px(metres_per_px=scale.metres_per_px, extent_m=extent_m)
     return rectified(picture, ground, metres_per_px=scale.metres_per_px, extent_m=extent_m)
+
+
+def _on_twin(loop: Loop, floor: Floor, ground: GroundMap) -> Loop:
+    """The loop, known in px of the floor's picture, in twin px."""
+
+    def moved(points_px: Points) -> Points:
+        return ground.scale.to_twin_px(floor.to_track_m(points_px))
+
+    return replace(
+        loop,
+        points_px=moved(loop.points_px),
+        length_px=loop.length_px * floor.metres_per_px / ground.scale.metres_per_px,
+        waypoints_px=tuple((u, v) for u, v in moved(np.array(loop.waypoints_px)).tolist()),
+    )
 
 
 def median_picture(pictures: Sequence[BgrImage]) -> BgrImage:
