@@ -2,13 +2,21 @@
 
 import json
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from keypoint_samples import TWIN, seen
+from keypoint_samples import HEIGHT, SCALE, TWIN, WIDTH, seen
 
 from dnb_edge.cli.main import main
+from dnb_edge.config.calibration_file import load_calibration, reference_picture
+from dnb_edge.config.lens_file import LensFile, lens_file
+from dnb_edge.view.boards import parse_board
+from dnb_edge.view.fit import fit_keypoints
+from dnb_edge.view.homography import calibration_error
+from dnb_edge.view.keypoints import KeypointPairs
+from dnb_edge.view.lens import Lens, LensModel
 
 CAMERA = seen(TWIN)
 
@@ -120,3 +128,155 @@ def test_missing_files_and_options(shell, tmp_path):
     code, _, err = shell(*good[:2])
     assert code == 2
     assert "give --camera and --twin" in err
+
+
+MANY = np.vstack((TWIN, [[100.0, 350], [900, 600], [600, 120], [380, 930], [720, 820]]))
+NOISY = np.clip(seen(MANY) + np.random.default_rng(7).normal(0, 1.0, MANY.shape), 0, (WIDTH - 1, HEIGHT - 1))
+
+
+def pictures(tmp_path):
+    """A twin and a camera's picture, grey, of the right sizes."""
+    cv2.imwrite(str(tmp_path / "twin.png"), np.full((1000, 1000, 3), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "photo.png"), np.full((HEIGHT, WIDTH, 3), 120, np.uint8))
+    return ("--metres-per-px", "0.002", "--twin-image", tmp_path / "twin.png", "--picture", tmp_path / "photo.png")
+
+
+def test_the_calibration_file(shell, tmp_path):
+    """--out writes what a run can load: the weighted map with sigma, pose, inputs and the picture of the view; the JSON's
+    contract stays that of plain least squares."""
+    files = saved(tmp_path, NOISY, MANY)
+    code, out, err = shell(
+        *files, *pictures(tmp_path), "--camera-id", "usb-7", "--out", tmp_path / "view.yaml", "--json"
+    )
+    assert (code, err) == (0, "")
+    kept, facts = load_calibration(tmp_path / "view.yaml"), json.loads(out)
+    pairs = KeypointPairs.from_arrays(NOISY, MANY, source="k")
+    fit = fit_keypoints(pairs, SCALE, width_px=WIDTH, height_px=HEIGHT)
+    assert kept.ground == fit.calibration.ground
+    assert kept.covariance == fit.calibration.covariance
+    assert kept.pose.pitch_deg == pytest.approx(40, abs=1.5)
+    assert kept.camera_id == "usb-7"
+    assert [file.name for file in kept.inputs] == ["camera.npy", "twin.npy", "twin.png"]
+    assert reference_picture(tmp_path / "view.yaml", kept).shape == (HEIGHT, WIDTH, 3)
+    plain = calibration_error(pairs)
+    assert facts["mean_px"] == plain.mean_px != facts["fitted"]["mean_px"] == kept.error.mean_px
+    assert facts["leave_one_out_mean_px"] == plain.leave_one_out_mean_px
+    assert facts["sigma_mm"]["p50"] < facts["sigma_mm"]["p95"] < facts["sigma_mm"]["max"] < 15
+    assert facts["outliers"] == facts["suspects"] == facts["notes"] == []
+    assert 1 <= len(facts["advice"]) <= 3
+    assert 0.6 < facts["click_sigma_px"] < 1.6
+
+
+def test_an_outlier_is_named_and_left_out_only_by_hand(shell, tmp_path):
+    """A wrong click is in the printed result, the JSON and the file; --without leaves it out, which is noted too."""
+    wrong = NOISY.copy()
+    wrong[6] += (40, 0)
+    files, more = saved(tmp_path, wrong, MANY), pictures(tmp_path)
+    code, out, _ = shell(*files, *more, "--out", tmp_path / "view.yaml")
+    assert code == 0
+    assert "Keypoint 7 lies 4" in out
+    assert "put it: click it anew, or leave it out with --without 7." in out
+    assert "keypoint 7 lies" in load_calibration(tmp_path / "view.yaml").notes[0]
+    facts = json.loads(shell(*files, "--json")[1])
+    assert [outlier["name"] for outlier in facts["outliers"]] == ["7"]
+    assert len(facts["by_keypoint"]) == 12
+    facts = json.loads(shell(*files, *more, "--without", "7", "--out", tmp_path / "view.yaml", "--json")[1])
+    assert facts["outliers"] == []
+    assert len(facts["by_keypoint"]) == 11
+    assert facts["notes"] == ["left out by hand: 7"] == list(load_calibration(tmp_path / "view.yaml").notes)
+
+
+def test_the_sigma_map(shell, tmp_path):
+    """Over the twin alone and over the picture too, as PNG and SVG; keypoints' names and the unit stand in it."""
+    files = saved(tmp_path, NOISY, MANY)
+    assert shell(*files, "--image-size", "1280x720", "--sigma-map", tmp_path / "one.png")[0] == 0
+    assert shell(*files, *pictures(tmp_path), "--sigma-map", tmp_path / "two.png")[0] == 0
+    one, two = (cv2.imread(str(tmp_path / name)) for name in ("one.png", "two.png"))
+    assert two.shape[1] > 1.5 * one.shape[1]
+    for picture in (one, two):
+        hue = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+        assert (hue[..., 1] > 60).mean() > 0.15
+    assert shell(*files, *pictures(tmp_path), "--sigma-map", tmp_path / "two.svg")[0] == 0
+    assert (tmp_path / "two.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_a_runs_configuration_brings_everything(shell, real_dir, tmp_path):
+    """--config gives pairs, scale, track and size of picture: the paper's, with sigma over its lane and all known answers."""
+    config = Path(__file__).parents[2] / "configs" / "drivenetbench.yaml"
+    folder = real_dir / "drivenetbench"
+    code, out, err = shell("--config", config, "--set", f"data_dir={folder}", "--out", tmp_path / "view.yaml", "--json")
+    assert (code, err) == (0, "")
+    facts = json.loads(out)
+    assert facts["mean_px"] == pytest.approx(26.69, abs=0.005)
+    assert facts["mean_m"] == pytest.approx(0.0015 * facts["mean_px"])
+    assert facts["sigma_over"] == "the lane"
+    assert facts["sigma_mm"]["max"] > 100
+    assert "the twin is not true to the track" in facts["notes"][0]
+    kept = load_calibration(tmp_path / "view.yaml")
+    assert (kept.ground.width_px, kept.ground.height_px) == (3840, 2160)
+    assert kept.ground.scale.height_px == 2540
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--without", "77"), "no keypoint is called 77: there are 1, 2, 3"),
+        (("--without", "1", *(f"--without={k}" for k in range(2, 10))), "3 pairs of keypoints: a homography needs"),
+        (("--out", "view.yaml"), "--out: give --image-size WxH"),
+        (("--out", "view.yaml", "--image-size", "1280x720"), "--out: give --metres-per-px"),
+        (("--out", "view.yaml", "--image-size", "1280x720", "--metres-per-px", "1"), "--out: give --twin-image"),
+        (("--out", "view.json"), "must end in .yaml"),
+        (("--sigma-map", "sigma.png"), "--sigma-map: give --image-size WxH"),
+        (("--sigma-map", "sigma.pdf"), "must end in .png or .svg"),
+        (("--image-size", "1280"), "--image-size 1280: must be WIDTHxHEIGHT"),
+        (("--image-size", "640x360"), "outside the picture of 640x360 px"),
+        (("--image-size", "1920x1080", "--picture", "photo.png"), "points were clicked on one of 1920x1080: give that picture"),
+        (("--picture", "camera.npy"), "camera.npy: not a picture"),
+        (("--picture", "none.png"), "none.png: cannot be read"),
+        (("--click-sigma-px", "0"), "--click-sigma-px 0: must be a positive number"),
+        (("--lens", "none.yaml"), "none.yaml"),
+        (("--config", "none.yaml"), "none.yaml"),
+    ],
+)  # fmt: skip
+def test_options_that_cannot_be_heeded(shell, tmp_path, monkeypatch, options, message):
+    """Every mistake in an option: exit code 2, one line that says what to do."""
+    monkeypatch.chdir(tmp_path)
+    pictures(tmp_path)
+    code, out, err = shell(*saved(tmp_path, NOISY, MANY), *options, "--json")
+    assert (code, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_keypoints_in_the_wrong_order(shell, tmp_path):
+    """Exchanged, mirrored and folded pairs: exit code 2, one line that names them."""
+    swapped = shell(*saved(tmp_path, NOISY, MANY[[0, 1, 4, 3, 2, *range(5, 12)]]))
+    assert swapped[0] == 2
+    assert "keypoints 3 and 5 seem swapped: exchanging them takes the mean error from" in swapped[2]
+    mirrored = shell(*saved(tmp_path, NOISY, MANY * (-1, 1) + (1000, 0)))
+    assert mirrored[0] == 2
+    assert "mirrored" in mirrored[2]
+
+
+def test_a_lens_file(shell, tmp_path):
+    """With --lens the errors are those of the straightened points, and the lens goes into the calibration."""
+    lens = Lens(
+        model=LensModel.PINHOLE, fx_px=900.0, fy_px=900.0, cx_px=639.5, cy_px=359.5, distortion=(-0.3, 0.1, 0.0, 0.0),
+        width_px=WIDTH, height_px=HEIGHT,
+    )  # fmt: skip
+    kept = LensFile(
+        lens=lens, camera_id="usb-9", board=parse_board("chessboard:7x10:15mm"), made_at="2026-01-01T00:00:00+00:00",
+        rms_px=0.3, sigmas={}, views=(), notes=(),
+    )  # fmt: skip
+    (tmp_path / "lens.yaml").write_bytes(lens_file(kept))
+    files, more = saved(tmp_path, lens.to_camera_px(seen(MANY)), MANY), pictures(tmp_path)
+    bent = json.loads(shell(*files, "--json")[1])
+    out = tmp_path / "view.yaml"
+    straight = json.loads(shell(*files, *more, "--lens", tmp_path / "lens.yaml", "--out", out, "--json")[1])
+    assert straight["max_px"] < 0.01
+    assert bent["max_px"] > 5.0
+    assert load_calibration(out).ground.lens == lens
+    assert load_calibration(out).camera_id == "usb-9"
+    code, _, err = shell(*files, "--lens", tmp_path / "lens.yaml", "--camera-id", "usb-1")
+    assert code == 2
+    assert "lens.yaml: " in err
