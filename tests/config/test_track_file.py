@@ -86,6 +86,14 @@ def test_what_is_written_is_read_bit_for_bit(
     assert again.track == track
     assert again.made_of == made_of
     assert track_file(again.track, again.made_of) == path.read_bytes()
+    # Any reader of YAML 1.1 finds numbers in it, not text.
+    plain = yaml.load(path.read_bytes(), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    assert (
+        plain["points"]
+        == np.column_stack(
+            (track.centreline.points_m, track.centreline.half_left_m, track.centreline.half_right_m)
+        ).tolist()
+    )
 
 
 def test_its_head_is_for_people(tmp_path: Path) -> None:

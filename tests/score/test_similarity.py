@@ -92,3 +92,27 @@ def test_settings_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
     """Each impossible setting is named in the error."""
     with pytest.raises(ValueError, match=next(iter(bad))):
         ScoreSettings(**bad)  # type: ignore[arg-type]
+
+
+def test_over_a_crossing_the_distance_is_that_to_the_branch_that_is_driven() -> None:
+    """On an eight, 0.12 m beside its middle all along, no point counts as nearer for the other branch's sake."""
+    t = np.arange(600) * (2 * np.pi / 600) + np.pi / 4
+    half = np.full(600, 0.15)
+    points = np.column_stack([2.0 * np.sin(t), 1.2 * np.sin(2 * t)])
+    eight = Centreline(points_m=points, half_left_m=half, half_right_m=half)
+    path = np.array([eight.point_at(s, 0.12) for s in np.linspace(0.0, eight.length_m, 1500)])
+    score = score_lap(path, eight, ScoreSettings(), lap=1, completion_time_s=5.0)
+    assert score.lateral_mean_m == pytest.approx(0.12, abs=2e-4)
+
+
+def test_an_open_lap_is_compared_with_its_own_stretch_of_the_route() -> None:
+    """From line to line of a straight it scores 100 %, and its route is as long as that stretch."""
+    x = np.linspace(0.0, 4.0, 300)
+    route = Centreline(
+        points_m=np.column_stack([x, np.zeros(300)]), half_left_m=np.full(300, 0.1), half_right_m=np.full(300, 0.1),
+        closed=False,
+    )  # fmt: skip
+    stretch = np.column_stack([np.linspace(0.5, 3.5, 50), np.zeros(50)])
+    score = score_lap(stretch, route, ScoreSettings(), lap=1, completion_time_s=5.0, lap_route_m=stretch)
+    assert score.similarity_percent == 100.0
+    assert score.route_length_m == pytest.approx(3.0)

@@ -66,7 +66,11 @@ def test_an_open_route_goes_straight_on_beyond_its_ends(s_m, d_m, point):
     assert CORNER.point_at(s_m, d_m) == pytest.approx(point)
     assert CORNER.points_at(np.array([s_m]))[0] == pytest.approx(CORNER.point_at(s_m))
     assert CORNER.direction_at(s_m) == pytest.approx((1.0, 0.0) if s_m < 0 else (0.0, 1.0))
-    assert CORNER.half_widths_at(s_m) == (0.15, 0.15)
+    wedge = Centreline(
+        points_m=CORNER.points_m, half_left_m=np.array([0.1, 0.2, 0.3]), half_right_m=np.full(3, 0.4), closed=False
+    )
+    assert wedge.half_widths_at(s_m) == pytest.approx((0.1 if s_m < 0 else 0.3, 0.4))
+    assert wedge.curvature_at(s_m) == pytest.approx(wedge.curvature_at(1.0))
 
 
 @given(share=st.floats(0, 1), d=st.floats(-0.3, 0.3), closed=st.booleans())
