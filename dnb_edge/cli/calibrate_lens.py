@@ -55,12 +55,19 @@ def lens(
         Path | None, typer.Option(help="Write a picture of coverage and errors (.png or .svg) here.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    print_to: Annotated[
+        Path | None, typer.Option("--print", help="Only write the board to this PDF file, to be printed.")
+    ] = None,
+    paper: Annotated[str, typer.Option(help="With --print: a4 or letter.")] = "a4",
 ) -> None:
     """Calibrate the lens from 15 or more views of a board: all over the picture, tilted to all sides.
 
     With a camera as the source, hold the board still for a moment in each place; Ctrl-C ends early.
     """
     described = parse_board(board)
+    if print_to is not None:
+        _print_board(print_to, described, paper)
+        return
     _check(images, source, model, coefficients)
     _check_outputs(out, plot)
     if source is None and (save_views is not None or config_file is not None):
@@ -107,6 +114,18 @@ def _check_outputs(out: Path | None, plot: Path | None) -> None:
         raise InputError(f"--plot {plot}: the name must end in .png or .svg")
     if plot is not None and not plot.parent.is_dir():
         raise InputError(f"--plot {plot}: there is no directory {plot.parent}: make it first")
+
+
+def _print_board(path: Path, board: Board, paper: str) -> None:
+    from dnb_edge.report.lens_sheet import PAPER_MM, board_sheet  # noqa: PLC0415 Matplotlib is slow to import
+
+    if path.suffix.lower() != ".pdf":
+        raise InputError(f"--print {path}: the name must end in .pdf")
+    sheet = next((name for name in PAPER_MM if name == paper.lower()), None)
+    if sheet is None:
+        raise InputError(f"--paper {paper}: must be one of {', '.join(PAPER_MM)}")
+    write_whole(path, board_sheet(board, sheet))
+    typer.echo(f"{path}: print at 100 %, measure its bar of 100 mm, and calibrate with --board {board}", err=True)
 
 
 def _draw(plot: Path, fit: LensFit) -> None:

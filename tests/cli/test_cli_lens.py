@@ -296,6 +296,24 @@ def test_bad_input_is_one_line_and_code_2(shell, photographs, spoil, words, said
     assert err.count("\n") == 1
 
 
+def test_a_board_to_print(shell, tmp_path):
+    """`--print` writes a PDF and nothing else; a wrong name, paper or a board that is too large is one line."""
+    sheet = tmp_path / "board.pdf"
+    code, out, err = shell("--print", sheet, "--board", "charuco:5x7:30mm:22mm", "--paper", "letter")
+    assert (code, out) == (0, "")
+    assert "measure its bar of 100 mm" in err
+    assert sheet.read_bytes().startswith(b"%PDF")
+    for words, said in (
+        (("--print", "a.png", "--board", BOARD), "must end in .pdf"),
+        (("--print", sheet, "--board", BOARD, "--paper", "a9"), "must be one of a4, letter"),
+        (("--print", sheet, "--board", "chessboard:9x9:40mm"), "do not fit on a4 paper"),
+    ):
+        code, _, err = shell(*words)
+        assert code == 2
+        assert said in err
+        assert err.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
