@@ -330,5 +330,6 @@ def make_scene(setup: CoreSetup) -> TrackScene:
     track = setup.track
     return TrackScene(
         route_m=track.centreline.points_m,
-        lines_m={line.name: (line.start_m, line.end_m) for line in (track.start_line, *track.sector_lines)},
+        closed=track.centreline.closed,
+        lines_m={line.name: (line.start_m, line.end_m) for line in track.lines},
     )

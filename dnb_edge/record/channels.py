@@ -58,11 +58,13 @@ class TrackScene:
     """The track as the 3D panel shows it, in track m."""
 
     route_m: Points
-    """The closed route, shape (n, 2), float64; the last point is joined to the first."""
+    """The route, shape (n, 2), float64; where it is closed the last point is joined to the first."""
     lines_m: dict[str, tuple[PointM, PointM]]
     """The directed lines by name, the start line among them."""
     car_length_m: float = 0.2
     """Length of the car as drawn."""
+    closed: bool = True
+    """False for a route from its first point to its last."""
 
 
 def stamp(t_ns: int) -> fg.Timestamp:
@@ -129,7 +131,9 @@ class RunChannels:
         if self._track is None or self._track_drawn:
             return
         self._track_drawn = True
-        route = np.vstack([self._track.route_m, self._track.route_m[:1]])
+        route = self._track.route_m
+        if self._track.closed:
+            route = np.vstack([route, route[:1]])
         entities = [_line_entity("route", t_ns, [(float(x), float(y)) for x, y in route], _ROUTE_COLOUR)]
         entities += [
             _line_entity(f"line/{name}", t_ns, list(ends), _LINE_COLOUR) for name, ends in self._track.lines_m.items()

@@ -41,6 +41,7 @@ def path_picture(result: RunResult, *, picture_format: PictureFormat = "png") ->
     """The driven path of each lap on the twin, or on the drawn lane where the result has no twin's picture."""
     track = result.track
     edges_px = _lane_edges_px(track)
+    closed = track.centreline.closed
     paths_px = [track.scale.to_twin_px(path) for path in result.paths_m]
     start_px = track.scale.to_twin_px(np.array([track.start_line.start_m, track.start_line.end_m]))
     low, high = _frame_px([*edges_px, *paths_px, start_px])
@@ -52,10 +53,10 @@ def path_picture(result: RunResult, *, picture_format: PictureFormat = "png") ->
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(high[1], low[1])
     if result.twin is None:
-        _draw_lane(axes, *edges_px)
+        _draw_lane(axes, *edges_px, closed=closed)
     else:
         _draw_twin(axes, result.twin)
-    centreline_px = _closed(track.scale.to_twin_px(track.centreline.points_m))
+    centreline_px = _joined(track.scale.to_twin_px(track.centreline.points_m), closed=closed)
     axes.plot(*centreline_px.T, color=_INK, linewidth=0.9, linestyle=(0, (4, 4)), zorder=2, label="centreline")
     for i, (lap, path_px) in enumerate(zip(result.laps, paths_px, strict=True)):
         _draw_lap(axes, lap, path_px, i)
@@ -113,7 +114,8 @@ def _figure_size(width_to_height: float) -> tuple[float, float]:
 def _lane_edges_px(track: Track) -> tuple[Points, Points]:
     """The lane's left and right edge, each (n, 2), twin px, one point for each of the centreline's."""
     route = track.centreline
-    ahead = np.roll(route.points_m, -1, axis=0) - np.roll(route.points_m, 1, axis=0)
+    points = route.points_m
+    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0) if route.closed else np.gradient(points, axis=0)
     length = np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), np.finfo(np.float64).tiny)
     normals = np.column_stack((-ahead[:, 1], ahead[:, 0])) / length[:, None]
     left = track.scale.to_twin_px(route.points_m + normals * route.half_left_m[:, None])
@@ -129,13 +131,14 @@ def _frame_px(parts: Sequence[Points]) -> tuple[NDArray[np.float64], NDArray[np.
     return low - margin, high + margin
 
 
-def _closed(points: Points) -> Points:
-    return np.concatenate((points, points[:1]))
+def _joined(points: Points, *, closed: bool) -> Points:
+    """The points, with the first again behind the last where the line is closed."""
+    return np.concatenate((points, points[:1])) if closed else points
 
 
-def _draw_lane(axes: Axes, left: Points, right: Points) -> None:
+def _draw_lane(axes: Axes, left: Points, right: Points, *, closed: bool) -> None:
     """The lane as one quadrilateral a step, which stays right where the route crosses itself."""
-    inner, outer = _closed(left), _closed(right)
+    inner, outer = _joined(left, closed=closed), _joined(right, closed=closed)
     quads = [np.array([a, b, d, c]) for (a, b), (c, d) in zip(pairwise(inner), pairwise(outer), strict=True)]
     axes.add_collection(PolyCollection(quads, facecolors=_LANE, edgecolors=_LANE, linewidths=0.6, zorder=0))
     for edge in (inner, outer):
