@@ -176,8 +176,8 @@ def _print(found: Refinement) -> None:
     console = Console()
     console.print(table)
     console.print(
-        f"moves the edges by up to {found.moved_px:.1f} px (looked as far as {found.reach_px:.0f} px); by themselves they "
-        f"differ from the calibration by {found.tension:.1f} sigmas",
+        f"moves the edges by up to {found.moved_px:.1f} px (looked as far as {found.reach_px:.0f} px); they contradict the "
+        f"calibration by {found.tension:.1f} sigmas",
         highlight=False,
     )
     console.print(("better: " if found.better else "not better: ") + found.reason, highlight=False, markup=False)

@@ -3,7 +3,7 @@
 Knows a calibration, its keypoints where there are any, the twin's lane and one picture. Knows no file and asks nobody: it
 says what was, what would be and whether that is better; taking it is the user's to decide. It changes nothing by itself.
 
-The present map puts the twin's edges into the picture. Across each of some 1,600 places on them the lane's real edge is
+The present map puts the twin's edges into the picture. Across each of some 1,000 places on them the lane's real edge is
 sought, as far as three sigmas of the map there. The eight numbers of the homography are then fitted to the edges found and
 to the keypoints together, each with its own sigma, and edges are sought again from there, less far, until nothing moves.
 """
@@ -28,7 +28,7 @@ from dnb_edge.view.refine_align import Scene, align, in_picture, known_points, o
 from dnb_edge.view.refine_edges import LaneEdges
 from dnb_edge.view.refine_look import smoothed_lab
 from dnb_edge.view.refine_overlap import Agreement, agreement
-from dnb_edge.view.refine_solve import KnownPoints, PlaneToPicture, Solved, click_sigma_px, solve_points
+from dnb_edge.view.refine_solve import KnownPoints, PlaneToPicture, Solved, with_own_sigma
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -36,8 +36,8 @@ T = TypeVar("T")
 CLICK_SIGMA_PX = 1.5
 """Of a careful click along either axis, camera px of the picture that was clicked on."""
 
-_TENSION = 1.8
-"""Of eight degrees of freedom chi squared is greater than so many sigmas squared, a degree, once in a thousand times."""
+_TENSION = 3.0
+"""Sigmas by which the edges' own map and the calibration may contradict each other; by chance they do once in 700 times."""
 
 _NOISE = 2.0
 """Standard errors by which the errors at left-out keypoints must grow to count as worse."""
@@ -57,8 +57,8 @@ class Refinement:
     reach_px: float
     """How far from where the calibration puts it the lane was sought, at most; camera px of the picture."""
     tension: float
-    """By how many sigmas the map of the edges by themselves differs from the keypoints' (or the given one): about 1 where
-    both are true."""
+    """By how many sigmas of a normal variable the map of the edges by themselves contradicts the keypoints' (or the given
+    one): 0 where they differ by no more than they may."""
     moved_px: float
     """How far the refinement moves the lane's edges in the picture, across them, at most."""
     edges_twin_px: Points
@@ -145,10 +145,8 @@ def _left_out(scene: Scene, pairs: KeypointPairs, sigma_px: float) -> tuple[Floa
             twin_px=others.twin_array(), camera_px=others.camera_array(), sigma_px=sigma_px, at=p,
             information=np.zeros((8, 8)),
         )  # fmt: skip
-        own, _ = solve_points(scene.plane, p, known)
-        known = replace(known, sigma_px=click_sigma_px(scene.plane, own, known))
         with suppress(InputError):
-            p = align(scene, p, known).solved.p
+            p = align(scene, p, with_own_sigma(scene.plane, known)).solved.p
         refined.append(_keypoint_errors(scene.plane, p, pairs)[k])
     return np.array(plain), np.array(refined)
 

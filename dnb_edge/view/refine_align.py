@@ -6,7 +6,7 @@ is better.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,9 @@ from dnb_edge.view.refine_solve import (
     KnownPoints,
     PlaneToPicture,
     Solved,
-    click_sigma_px,
     solve,
     solve_points,
+    with_own_sigma,
 )
 
 Floats = NDArray[np.float64]
@@ -94,8 +94,7 @@ def known_points(
         at=at,
         information=np.zeros((8, 8)),
     )
-    own, _ = solve_points(plane, at, known)
-    return replace(known, sigma_px=click_sigma_px(plane, own, known))
+    return with_own_sigma(plane, known)
 
 
 def align(scene: Scene, first: Floats, known: KnownPoints) -> Aligned:

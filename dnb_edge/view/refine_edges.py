@@ -16,7 +16,7 @@ from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import Mask
 from dnb_edge.values import Points
 
-_POINTS = 1600
+_POINTS = 1000
 """About how many points stand for all edges together."""
 
 _SMOOTHING = 0.012

@@ -20,7 +20,7 @@ from dnb_edge.view.refine_solve import PlaneToPicture
 
 Floats = NDArray[np.float64]
 
-_WIDTH_PX = 960
+_WIDTH_PX = 640
 """Overlap is counted on a picture of at most this width."""
 
 _BESIDE = 0.35

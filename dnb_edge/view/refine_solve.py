@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 _BEHIND = -1e6
 """Camera px of what lies behind the camera: outside any picture."""
 
+_LEAST_DEPTH = 1e-9
+
 _TUKEY = 4.685
 """Tukey's biweight: edges further off than so many scales have no say; 95 % efficient for normal errors."""
 
@@ -69,22 +71,33 @@ class PlaneToPicture:
 
     def project(self, p: Floats, twin_px: Points) -> Points:
         """Camera px (n, 2) of twin px (n, 2); far outside where they lie behind the camera."""
-        homogeneous = np.column_stack((twin_px, np.ones(len(twin_px)))) @ self._to_ideal(p).T
-        depth = homogeneous[:, 2]
-        ahead = depth > 1e-9
-        ideal = np.where(ahead[:, None], homogeneous[:, :2] / np.where(ahead, depth, 1.0)[:, None], _BEHIND)
-        if self.lens is None:
-            return np.asarray(ideal)
-        return np.where(ahead[:, None], self.lens.to_camera_px(np.where(ahead[:, None], ideal, 0.0)), _BEHIND)
+        ideal, depth, _ = self._ideal(p, twin_px)
+        ahead = (depth > _LEAST_DEPTH)[:, None]
+        if self.lens is not None:
+            ideal = self.lens.to_camera_px(np.where(ahead, ideal, self.ideal_middle))
+        return np.where(ahead, ideal, _BEHIND)
 
     def slopes(self, p: Floats, twin_px: Points) -> Floats:
-        """d(camera px)/d(parameters), shape (n, 2, 8), by central differences."""
-        columns = []
-        for k in range(8):
-            step = np.zeros(8)
-            step[k] = 1e-6
-            columns.append((self.project(p + step, twin_px) - self.project(p - step, twin_px)) / 2e-6)
-        return np.stack(columns, axis=2)
+        """d(camera px)/d(parameters), shape (n, 2, 8)."""
+        ideal, depth, (x, y) = self._ideal(p, twin_px)
+        u, v = ((ideal - self.ideal_middle) / self.ideal_size).T
+        one, none = np.ones_like(x), np.zeros_like(x)
+        across = np.stack((x, y, one, none, none, none, -u * x, -u * y), axis=1)
+        down = np.stack((none, none, none, x, y, one, -v * x, -v * y), axis=1)
+        flat = np.stack((across, down), axis=1) * (self.ideal_size / depth)[:, None, None]
+        if self.lens is None:
+            return np.asarray(flat)
+        columns = [
+            self.lens.to_camera_px(ideal + step) - self.lens.to_camera_px(ideal - step) for step in 0.5 * np.eye(2)
+        ]
+        return np.asarray(np.stack(columns, axis=2) @ flat)
+
+    def _ideal(self, p: Floats, twin_px: Points) -> tuple[Points, Floats, Floats]:
+        """Ideal px (n, 2), depths (n,), not below the least, and the twin's coordinates (2, n) of twin px (n, 2)."""
+        x, y = at = ((twin_px - self.twin_middle) / self.twin_size).T
+        depth = np.maximum(p[6] * x + p[7] * y + 1.0, _LEAST_DEPTH)
+        unit = np.column_stack(((p[0] * x + p[1] * y + p[2]) / depth, (p[3] * x + p[4] * y + p[5]) / depth))
+        return unit * self.ideal_size + self.ideal_middle, depth, at
 
     def covariance9(self, p: Floats, covariance: Floats) -> Floats:
         """The parameters' covariance (8, 8) as that of `camera_to_twin`'s nine numbers, (9, 9)."""
@@ -124,6 +137,8 @@ class KnownPoints:
     at: Floats
     information: Floats
     """The present map's parameters (8,) and the inverse of their covariance (8, 8); zeros where keypoints say it."""
+    spare: int | None = None
+    """Degrees of freedom from which `sigma_px` was estimated; None where it is known."""
 
     def weaker(self, times: float) -> KnownPoints:
         """The same with sigmas so many times as large."""
@@ -170,7 +185,7 @@ class Solved:
     weight: Floats
     """What each line had to say, 0..1."""
     tension: float
-    """By how many sigmas the edges' own map differs from the known points' own; about 1 where both are true."""
+    """How surprising it is, in sigmas, that the edges' own map differs so much from the known points'; 0: not."""
 
 
 def solve_points(plane: PlaneToPicture, p: Floats, known: KnownPoints) -> tuple[Floats, Floats]:
@@ -228,23 +243,31 @@ def _fit(
 
 
 def _tension(plane: PlaneToPicture, alone: Solved, known: KnownPoints) -> float:
-    """By how many sigmas the edges' own map and the known points' differ: the root of chi squared over its eight degrees."""
+    """How surprising it is that the edges' own map and the known points' differ so much, sigmas of a normal variable.
+
+    The difference squared over its covariance, a degree of freedom, follows the F distribution; that is brought to a normal
+    variable by Paulson's approximation, An approximate normalization of the analysis of variance distribution (1942).
+    """
     points, covariance = solve_points(plane, known.at, known)
     apart = alone.p - points
     spread = np.linalg.pinv(alone.covariance + covariance, rcond=1e-14, hermitian=True)
-    return float(np.sqrt(max(0.0, float(apart @ spread @ apart)) / 8.0))
+    root = float(np.cbrt(max(0.0, float(apart @ spread @ apart)) / 8.0))
+    ours, theirs = 2.0 / (9.0 * 8.0), 0.0 if known.spare is None else 2.0 / (9.0 * known.spare)
+    return max(0.0, ((1.0 - theirs) * root - (1.0 - ours)) / float(np.sqrt(theirs * root**2 + ours)))
 
 
-def click_sigma_px(plane: PlaneToPicture, p: Floats, known: KnownPoints) -> float:
-    """Sigma of a click by the residuals about the points' own fit, camera px; not below the one assumed.
+def with_own_sigma(plane: PlaneToPicture, known: KnownPoints) -> KnownPoints:
+    """The keypoints with the sigma of a click by their residuals about their own fit; not below the one assumed.
 
     With four points nothing is left over to tell it.
     """
     spare = 2 * len(known.twin_px) - 8
     if spare <= 0:
-        return known.sigma_px
-    off = known.camera_px - plane.project(p, known.twin_px)
-    return max(known.sigma_px, float(np.sqrt((off**2).sum() / spare)))
+        return known
+    own, _ = solve_points(plane, known.at, known)
+    off = known.camera_px - plane.project(own, known.twin_px)
+    sigma_px = float(np.sqrt((off**2).sum() / spare))
+    return known if sigma_px <= known.sigma_px else replace(known, sigma_px=sigma_px, spare=spare)
 
 
 def _scale_px(off: Floats, weight: Floats) -> float:
