@@ -56,7 +56,14 @@ class SigmaMap:
 def sigma_map_picture(wanted: SigmaMap, *, picture_format: PictureFormat = "png") -> bytes:
     """The picture file: sigma as colour and isolines, the lane's edges, keypoints with names and their errors as arrows."""
     panels = 1 if wanted.picture is None else 2
-    figure = Figure(figsize=(8.0 * panels, 6.5), dpi=110, facecolor="white", layout="constrained")
+    low, high = _extent(wanted)
+    across, down = (high - low).tolist()
+    figure = Figure(
+        figsize=(8.0 * panels, min(8.0, max(5.0, 7.0 * down / across + 1.2))),
+        dpi=110,
+        facecolor="white",
+        layout="constrained",
+    )
     grid = np.atleast_1d(figure.subplots(1, panels))
     levels = _levels(wanted)
     drawn = _draw_twin(grid[0], wanted, levels)
@@ -86,7 +93,7 @@ def _draw_twin(axes: Axes, wanted: SigmaMap, levels: NDArray[np.float64]) -> Qua
     )
     times = _draw_pairs(axes, wanted, given, mapped, width=high[0] - low[0])
     _finish(
-        axes, low, high, f"on the twin; arrows: from each keypoint to where the map puts its click, {times}", "twin px"
+        axes, low, high, f"on the twin\narrows: from each keypoint to where the map puts its click, {times}", "twin px"
     )
     return drawn
 
@@ -116,7 +123,7 @@ def _draw_camera(axes: Axes, wanted: SigmaMap, picture: BgrImage, levels: NDArra
         axes,
         low,
         high,
-        f"in the picture; arrows: from each click to where the map puts its keypoint, {times}",
+        f"in the picture\narrows: from each click to where the map puts its keypoint, {times}",
         "camera px",
     )
 
