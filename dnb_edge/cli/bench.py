@@ -174,8 +174,10 @@ def _asides(config: Config) -> dict[str, Aside]:
 
 
 def _drift_watch(setup: CoreSetup, frames: list[Frame], spent_s: list[float]) -> Aside:
-    """The drift watch, as it runs beside a race: a little in most frames, nothing in some. Its processor time goes to `spent_s`,
-    from the first frame on, since its share of a core is wanted and not that of whoever interrupts it."""
+    """The drift watch, as it runs beside a race: a little in most frames, nothing in some.
+
+    Its processor time goes to `spent_s`, from the first frame on: what interrupts it is no share of its own.
+    """
     watch = DriftWatch(watched_track(setup.ground, setup.track.centreline.points_m))
 
     def look(image: BgrImage, number: int, _windows: tuple[SearchWindow, ...]) -> bool:
