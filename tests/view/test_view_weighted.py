@@ -72,6 +72,22 @@ def test_without_noise_on_the_twin_the_clicks_residuals_are_least():
     assert cost(np.array(fit_homography(pairs_of(camera))).reshape(3, 3)) > least * 1.001
 
 
+def test_without_noise_in_the_clicks_the_twins_residuals_are_least():
+    """With all noise on the twin the fit is that of least distances there, OpenCV's, which the clicks' own fit is not."""
+    camera = noisy(1, 4.0)
+
+    def cost(matrix):
+        h = np.column_stack((camera, np.ones(len(MANY)))) @ np.asarray(matrix).reshape(3, 3).T
+        return ((h[:, :2] / h[:, 2:] - MANY) ** 2).sum()
+
+    least = cost(fit_homography(pairs_of(camera)))
+    for click, twin, low, high in ((1e-3, 3.0, 1.0, 1.002), (3.0, 1e-3, 1.005, 2.0)):
+        fit = fit_weighted(weighted_points(pairs_of(camera), None, click_sigma_px=click, twin_sigma_px=twin))
+        assert low - 1e-9 <= cost(fit.matrix) / least < high
+        if twin == 3.0:
+            assert fit.chi_squared == pytest.approx(least / 9.0, rel=0.05)
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.permutations(range(len(MANY))))
 def test_the_order_of_the_pairs_does_not_matter(seed, order):
