@@ -47,8 +47,8 @@ class Outlier:
     name: str
     apart_px: float
     """How far it lies from where the others put it, camera px (ideal px with a lens)."""
-    apart_twin_px: float | None
-    """The same on the twin; None where the others put it beyond the horizon."""
+    apart_twin_px: float
+    """The same on the twin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +106,8 @@ def fit_keypoints(
     lens = None if lens is None else lens.scaled_to(width_px, height_px)
     points = weighted_points(pairs, lens, click_sigma_px=click_sigma_px, twin_sigma_px=twin_sigma_px)
     _check_order(pairs, points)
-    findings = find_outliers(points)
     try:
+        findings = find_outliers(points)
         outliers = tuple(_outlier(pairs, points, k, findings.outliers) for k in findings.outliers)
         clean = points.without(list(findings.outliers))
         freedom = 2 * len(clean) - 8
@@ -186,14 +186,20 @@ def _check_order(pairs: KeypointPairs, points: WeightedPoints) -> None:
 
 
 def _outlier(pairs: KeypointPairs, points: WeightedPoints, k: int, outliers: tuple[int, ...]) -> Outlier:
+    """What is wrong with place k. Raises `InputError` where the others have it beyond the horizon: no map has it then."""
     fit = fit_weighted(points.without(list(outliers)))
-    alone = points.at(np.array([k]))
+    alone, name = points.at(np.array([k])), pairs.names[k]
     (apart,), _ = fit.apart(alone)
     try:
-        on_twin = float(np.hypot(*(fit.to_twin_px(alone.ideal_px) - alone.twin_px)[0]))
+        on_twin = _twin_distances(fit, alone)
     except NoFitError:
-        on_twin = None
-    return Outlier(name=pairs.names[k], apart_px=float(np.hypot(*apart)), apart_twin_px=on_twin)
+        on_twin = np.array([np.inf])
+    if not (np.isfinite(apart).all() and np.isfinite(on_twin).all()):
+        raise InputError(
+            f"{pairs.source}: keypoint {name} lies beyond the horizon of the map that the others make: click it anew, or "
+            f"leave it out with --without {name}"
+        )
+    return Outlier(name=name, apart_px=float(np.hypot(*apart)), apart_twin_px=float(on_twin[0]))
 
 
 def _with_wide_outliers(points: WeightedPoints, outliers: dict[int, Outlier]) -> WeightedPoints:

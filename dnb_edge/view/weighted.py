@@ -175,10 +175,12 @@ def fit_weighted(points: WeightedPoints, start: Floats | None = None) -> Weighte
         if moved is None or length < _DONE:
             break
         g, at, damping = moved.map, moved, damping / 10.0
-    depth = float((_homogeneous(points.ideal_px) @ _inverse_map(g, to_ideal, to_twin).T)[:, 2].mean())
+    depths = (_homogeneous(points.ideal_px) @ _inverse_map(g, to_ideal, to_twin).T)[:, 2]
+    if not (depths > 0).all():
+        raise NoFitError
     return WeightedFit(
         twin_to_ideal=g, information=information, basis=basis, normalise_ideal=to_ideal, normalise_twin=to_twin,
-        chi_squared=chi_squared, depth=depth,
+        chi_squared=chi_squared, depth=float(depths.mean()),
     )  # fmt: skip
 
 
@@ -251,7 +253,8 @@ def _whitener(noise: Floats) -> Floats:
     a, b, d = noise[:, 0, 0], noise[:, 0, 1], noise[:, 1, 1]
     root = np.sqrt(a)
     lower = b / root
-    rest = np.sqrt(d - lower**2)
+    # Near the horizon the twin's noise is so long and thin that rounding may make its square negative.
+    rest = np.sqrt(np.maximum(d - lower**2, 1e-12 * d))
     white = np.zeros_like(noise)
     white[:, 0, 0] = 1.0 / root
     white[:, 1, 0] = -lower / (root * rest)

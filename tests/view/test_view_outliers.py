@@ -10,6 +10,7 @@ from keypoint_samples import HEIGHT, SCALE, TWIN, WIDTH, seen
 from scipy.stats import f as fisher
 
 from dnb_edge.errors import InputError
+from dnb_edge.view.advice import advise, hull_px
 from dnb_edge.view.fit import fit_keypoints
 from dnb_edge.view.keypoints import KeypointPairs
 from dnb_edge.view.outliers import f_tail, most_outliers, variance_factor
@@ -136,3 +137,32 @@ def test_the_blend_of_the_stated_sigma_and_the_seen():
     assert variance_factor(16.0, 16) == 1.0
     assert variance_factor(96.0, 16) == 5.0
     assert [most_outliers(count) for count in (4, 5, 6, 7, 8, 9, 12)] == [0, 0, 1, 1, 2, 2, 4]
+
+
+@settings(deadline=None, max_examples=150)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 9), st.sampled_from([0.0, 30.0, 300.0, 3000.0]))
+def test_whatever_is_clicked_there_is_a_map_or_one_line(seed, count, sigma):
+    """Clicks from sound to senseless: a calibration with a sigma that is a number, or an error for the user; nothing else."""
+    chance = np.random.default_rng(seed)
+    camera = np.clip(seen(MANY[:count]) + chance.normal(0, sigma, (count, 2)), 0, (WIDTH - 1, HEIGHT - 1))
+    camera += chance.uniform(0, 0.4, camera.shape)
+    found, fault = None, "k.yaml"
+    try:
+        found = fitted(camera, MANY[:count])
+    except InputError as error:
+        fault = str(error)
+    assert fault.startswith("k.yaml")
+    assert "\n" not in fault
+    if found is not None:
+        assert np.isfinite(found.calibration.sigma_m(camera)).all()
+        assert len(advise(found, camera, hull_px(camera), str)) in (1, 2, 3)
+
+
+def test_a_click_beyond_the_horizon_is_refused_by_name():
+    """One click in the sky: the others have no place on the floor for it."""
+    steep = seen(MANY) * (1, 0.5) + (0, 300)
+    steep[5] = (640, 5)
+    with pytest.raises(
+        InputError, match=r"^k\.yaml: keypoint F lies beyond the horizon of the map that the others make: .* F$"
+    ):
+        fitted(steep + np.random.default_rng(1).normal(0, 0.5, steep.shape), MANY)
