@@ -44,7 +44,7 @@ from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.build import TrackSettings, build_track
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.track.twin import LaneColour, load_twin
+from dnb_edge.track.twin import Lane, LaneColour, load_twin
 from dnb_edge.values import Clock, SourceInfo
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.ground import GroundMap
@@ -97,12 +97,10 @@ def make_track(config: TrackConfig) -> Track:
     if config.file is not None:
         return load_track(config.file)
     assert config.image is not None, "the schema wants it"
-    assert config.lane_hsv is not None, "the schema wants it"
     image = load_twin(config.image)
-    hue_deg, saturation_percent, value_percent = config.lane_hsv
     settings = TrackSettings(
         name=config.name,
-        lane_colour=LaneColour(hue_deg=hue_deg, saturation_percent=saturation_percent, value_percent=value_percent),
+        lane_colour=_lane(config),
         metres_per_px=_metres_per_px(config, height_px=float(image.shape[0])),
         closed=config.closed,
         start_line_px=config.start_line_px,
@@ -115,6 +113,14 @@ def make_track(config: TrackConfig) -> Track:
         close_gap_px=config.close_gap_px,
     )
     return build_track(image, settings, source=str(config.image))
+
+
+def _lane(config: TrackConfig) -> Lane:
+    if config.lane is not None:
+        return config.lane
+    assert config.lane_hsv is not None, "the schema wants one of the two"
+    hue_deg, saturation_percent, value_percent = config.lane_hsv
+    return LaneColour(hue_deg=hue_deg, saturation_percent=saturation_percent, value_percent=value_percent)
 
 
 def _metres_per_px(config: TrackConfig, *, height_px: float) -> float:

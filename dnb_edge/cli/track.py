@@ -29,6 +29,7 @@ from dnb_edge.track.route import Route
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import colour_at, load_twin
 from dnb_edge.values import BgrImage
+from dnb_edge.view.photograph import UnclearLane
 
 app = typer.Typer(help="Build a track from its twin's picture, and draw one.", no_args_is_help=True)
 
@@ -123,7 +124,12 @@ def build(
             write_whole(overlay, _png(draw_loops(picture, loops)))
 
     if image is None:
-        made = wanted.made(settings, show_loops)
+        try:
+            made = wanted.made(settings, show_loops)
+        except UnclearLane as error:
+            if overlay is not None:
+                write_whole(overlay, _png(error.picture))
+            raise
     else:
         made = _from_drawing(image, wanted.lane, settings, (length_m, measured, metres_per_px), show_loops)
     _write(made, wanted, out=out, overlay=overlay, twin_out=twin_out, as_json=as_json)

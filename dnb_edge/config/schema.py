@@ -16,6 +16,7 @@ from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.laps import LapRules
 from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.track.lane_shade import LaneShade
 
 
 class CommandLineText(str):
@@ -81,9 +82,11 @@ class TrackConfig(_Section):
     file: DataPath | None = None
     """A track file that `dnb-edge track build --out` wrote, instead of everything below."""
     image: DataPath | None = None
-    """The twin: a picture of the track from above with the lane in one colour."""
+    """The twin: a picture of the track from above."""
     lane_hsv: LaneHsv | None = None
     """Colour of the lane: hue in degrees, saturation and value in percent."""
+    lane: LaneShade | None = None
+    """Instead: dark or light against the floor, auto for either, or between-lines."""
     measured: MeasuredLength | None = None
     """One measured length, which fixes the scale."""
     metres_per_px: Positive | None = None
@@ -119,7 +122,9 @@ class TrackConfig(_Section):
             if given:
                 raise ValueError(f"give file or {given[0]}, not both")
             return self
-        needed: dict[str, object] = {"image": self.image, "lane_hsv": self.lane_hsv}
+        if self.lane is not None and self.lane_hsv is not None:
+            raise ValueError("give lane_hsv or lane, not both")
+        needed: dict[str, object] = {"image": self.image, "lane_hsv": self.lane_hsv or self.lane}
         if self.closed:
             # Which way a closed route is driven is nothing to guess at.
             needed["start_line_px"] = self.start_line_px if self.start_at_px is None else self.start_at_px

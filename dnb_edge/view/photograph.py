@@ -28,6 +28,16 @@ from dnb_edge.view.rectify import (
     visible_extent_m,
 )
 
+
+class UnclearLane(InputError):
+    """What was taken for the lane makes no route."""
+
+    def __init__(self, text: str, picture: BgrImage) -> None:
+        super().__init__(f"{text}; --overlay shows what was taken for lane")
+        self.picture = picture
+        """The floor from straight above with what was taken for lane in red."""
+
+
 SEAM_M = 0.04
 """The widest thing across the lane, such as the start line's tape, that is no end of it, metres."""
 
@@ -97,7 +107,8 @@ def route_in(
 ) -> Route:
     """The route on the floor as twin px of `ground`'s twin, `waypoints_px` as well.
 
-    Raises `InputError` as `lane_mask` and `find_route` do; it says so where the lane leaves the picture.
+    Raises `InputError` as `lane_mask` does, `SeveralLoops`, and `UnclearLane` where what was found makes no route; it says so
+    where the lane leaves the picture.
     """
     mask = lane_mask(floor.bgr, lane, source=source, close_gap_px=seam_m / floor.metres_per_px, seen=floor.seen)
     at_m = ground.scale.to_track_m(np.array(waypoints_px, dtype=np.float64))
@@ -108,11 +119,12 @@ def route_in(
         raise SeveralLoops(source, tuple(_on_twin(loop, floor, ground) for loop in error.loops)) from error
     except InputError as error:
         cut = _cut_at_m(mask, floor)
-        if cut is None:
-            raise
-        raise InputError(
-            f"{error}; the lane leaves the picture near ({cut[0]:.2f}, {cut[1]:.2f}) m: show all of it"
-        ) from error
+        left = (
+            "" if cut is None else f"; the lane leaves the picture near ({cut[0]:.2f}, {cut[1]:.2f}) m: show all of it"
+        )
+        # What the lane's graph calls twin px is, here, px of the floor's picture.
+        text = str(error).replace("twin px", "px of the picture from above")
+        raise UnclearLane(f"{text}{left}", _tinted(floor.bgr, mask)) from error
     smaller = floor.metres_per_px / ground.scale.metres_per_px
     return Route(
         points_px=ground.scale.to_twin_px(floor.to_track_m(found.points_px)),
@@ -155,6 +167,12 @@ def median_picture(pictures: Sequence[BgrImage]) -> BgrImage:
         raise ValueError("the median of no picture")
     rows = [np.median(np.stack([picture[row] for picture in pictures]), axis=0) for row in range(pictures[0].shape[0])]
     return np.asarray(np.stack(rows) + 0.5, dtype=np.uint8)
+
+
+def _tinted(picture: BgrImage, mask: Mask) -> BgrImage:
+    tinted = picture.copy()
+    tinted[mask] = tinted[mask] // 2 + np.array([0, 0, 127], dtype=np.uint8)
+    return tinted
 
 
 def _cut_at_m(mask: Mask, floor: Floor) -> tuple[float, float] | None:

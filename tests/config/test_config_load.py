@@ -45,6 +45,20 @@ def test_defaults_fill_what_the_file_leaves_out(good: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("shade", ["dark", "light", "auto", "between-lines"])
+def test_a_lane_may_be_told_by_its_shade(good: Path, shade: str) -> None:
+    """Instead of a colour; with both it is not clear which counts, and another word is none."""
+    text = GOOD.replace("lane_hsv: [330, 23, 84]", f"lane: {shade}")
+    good.write_text(text)
+    assert load_config(good).track.lane == shade
+    good.write_text(GOOD.replace("lane_hsv:", f"lane: {shade}\n  lane_hsv:"))
+    with pytest.raises(InputError, match="give lane_hsv or lane, not both"):
+        load_config(good)
+    good.write_text(text.replace(shade, "pinkish"))
+    with pytest.raises(InputError, match="lane"):
+        load_config(good)
+
+
 def test_paths_are_relative_to_the_file_and_to_data_dir(good: Path, tmp_path: Path) -> None:
     """Input data lies beside the file, or in data_dir where that is given; recordings do not move with data_dir."""
     assert load_config(good).track.image == tmp_path / "twin.png"
@@ -97,7 +111,11 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
         ("  lane_hsv: [330, 23, 84]\n", "", "line 2: track: lane_hsv is missing"),
         ("  metres_per_px: 0.001\n", "", "line 2: track: give either measured"),
         ("track:", "track:\n  file: a.json", "line 2: track: give file or image, not both"),
-        ("  keypoints_twin: b.npy\n", "", "line 7: view: give calibration (.yaml), keypoints_camera and keypoints_twin"),
+        (
+            "  keypoints_twin: b.npy\n",
+            "",
+            "line 7: view: give calibration (.yaml), keypoints_camera and keypoints_twin",
+        ),
         ("  metres_per_px: 0.001", "  metres_per_px: .inf", "line 5: track.metres_per_px: input should be"),
         ("race:\n", "race:\n  laps: 4\n", "line 12: race.laps is given twice"),
         ("race:", "race: [", "not valid YAML"),
