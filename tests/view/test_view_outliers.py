@@ -166,3 +166,23 @@ def test_a_click_beyond_the_horizon_is_refused_by_name():
         InputError, match=r"^k\.yaml: keypoint F lies beyond the horizon of the map that the others make: .* F$"
     ):
         fitted(steep + np.random.default_rng(1).normal(0, 0.5, steep.shape), MANY)
+
+
+def test_of_six_no_sound_one_is_named_in_place_of_the_wrong_one():
+    """A click 25 px off among six, in 60 draws: named, or among the suspects, or unnoticed; never another one instead."""
+    seen_through = 0
+    for seed in range(60):
+        wrong, towards = seed % 6, seed * 1.7
+        moved = [(wrong, (25 * math.cos(towards), 25 * math.sin(towards)))]
+        found = fitted(clicks(seed, MANY[:6], moved=moved), MANY[:6])
+        named = {outlier.name for outlier in found.outliers}
+        assert named <= {NAMES[wrong]}
+        assert not found.suspects or NAMES[wrong] in found.suspects
+        seen_through += bool(named or found.suspects)
+    assert seen_through > 30
+
+
+def test_careless_clicks_hardly_make_outliers():
+    """Nine clicks of three times the stated noise, in 80 draws: at most five have one named, for all scatter."""
+    found = [fitted(clicks(seed, MANY[:9], sigma=4.5), MANY[:9]) for seed in range(80)]
+    assert sum(bool(one.outliers or one.suspects) for one in found) <= 5
