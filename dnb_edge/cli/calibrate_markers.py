@@ -33,7 +33,7 @@ from dnb_edge.view.marker_floor import (
 )
 from dnb_edge.view.marker_overlay import draw_markers
 from dnb_edge.view.marker_pose import MarkerPose, MarkerQuestion, pose_from_pictures
-from dnb_edge.view.marker_solve import Optics
+from dnb_edge.view.marker_solution import Optics
 from dnb_edge.view.markers import grey_of
 from dnb_edge.view.rectify import rectified
 
@@ -218,6 +218,7 @@ def _calibrated(
         return pose, *own_calibration(pose.solution, metres_per_px=metres_per_px)
     check_layout(layout, pose.solution)
     pose = pose_from_pictures(greys, optics, replace(question, measured=layout.points))
+    check_layout(layout, pose.solution, tied=True)
     calibration = layout_calibration(pose.solution, layout)
     return pose, calibration, twin_size_m(pose.solution, calibration)
 

@@ -23,7 +23,7 @@ from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.view.marker_floor import MarkerLayout
-from dnb_edge.view.marker_solve import MeasuredPoint
+from dnb_edge.view.marker_solution import MeasuredPoint
 
 _FORM = "it must hold markers, a list of {number: ..., track_m: [x, y]} or {number: ..., twin_px: [u, v]}"
 _LOCAL = {

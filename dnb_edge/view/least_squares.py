@@ -68,12 +68,12 @@ def minimise(residuals: Callable[[FloatArray], FloatArray], start: FloatArray, f
             damping *= 10.0
         if damping >= _GIVE_UP or gain <= _ENOUGH * max(float(r @ r), 1e-12):
             break
-    return _fit(residuals, p, r, free)
+    return fit_at(residuals, p, free)
 
 
-def _fit(
-    residuals: Callable[[FloatArray], FloatArray], p: FloatArray, r: FloatArray, free: NDArray[np.bool_]
-) -> Fit | None:
+def fit_at(residuals: Callable[[FloatArray], FloatArray], p: FloatArray, free: NDArray[np.bool_]) -> Fit | None:
+    """The fit whose minimum is known to lie at `p` (n,); None where the residuals are no numbers there."""
+    r = residuals(p)
     j = _jacobian(residuals, p, free)
     if not np.isfinite(j).all():
         return None

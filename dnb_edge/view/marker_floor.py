@@ -20,7 +20,7 @@ from dnb_edge.values import Points
 from dnb_edge.view.calibration import Calibration, CalibrationMethod, Covariance9
 from dnb_edge.view.ground import GroundMap, Matrix3
 from dnb_edge.view.homography import CalibrationError
-from dnb_edge.view.marker_solve import MarkerSolution, MeasuredPoint, fit_frame, to_frame
+from dnb_edge.view.marker_solution import MarkerSolution, MeasuredPoint, fit_frame, to_frame
 from dnb_edge.view.marker_start import CORNERS, local_points
 from dnb_edge.view.pose import CameraPose
 
@@ -30,7 +30,7 @@ USUAL_METRES_PER_PX = 0.002
 
 _MARGIN_M = 0.3
 _MARGIN_SHARE = 0.25
-_SURE = 3.0
+_SURE = 3.5
 """So many sigmas are a contradiction."""
 _LEAST_APART = 0.005
 """Lengths that differ by less than this share are never one."""
@@ -52,9 +52,10 @@ class MarkerLayout:
     """Where it is from, as messages call it."""
 
 
-def check_layout(layout: MarkerLayout, solution: MarkerSolution) -> None:
-    """Raises `InputError` where the layout's lengths contradict those of `solution`, which was made without it, or where fewer
-    than two markers of the layout are seen."""
+def check_layout(layout: MarkerLayout, solution: MarkerSolution, *, tied: bool = False) -> None:
+    """Raises `InputError` where the layout's lengths contradict those of `solution`, or where fewer than two markers of the
+    layout are seen. `tied`: the solution was made with the layout, which then had its say on how high the camera is.
+    """
     seen = [point for point in layout.points if point.number in solution.numbers]
     if len({point.number for point in seen}) < 2:
         raise InputError(
@@ -62,7 +63,7 @@ def check_layout(layout: MarkerLayout, solution: MarkerSolution) -> None:
             f"{_list(solution.numbers)}"
         )
     places = {point: local_points([point.local], _place(solution, point.number), solution.size_m)[0] for point in seen}
-    vague = _SURE * solution.height_sigma_m / solution.height_m
+    vague = 0.0 if tied else _SURE * solution.height_sigma_m / solution.height_m
     pairs, worst, most = [], None, 1.0
     for one, other in combinations(seen, 2):
         told, found = math.dist(one.at_m, other.at_m), math.dist(places[one], places[other])

@@ -14,7 +14,8 @@ import numpy as np
 from dnb_edge.errors import InputError
 from dnb_edge.view.marker_edges import MarkerFit
 from dnb_edge.view.marker_floor import spread
-from dnb_edge.view.marker_solve import FEWEST, MarkerSolution, MeasuredPoint, Optics, solve_markers
+from dnb_edge.view.marker_solution import MarkerSolution, MeasuredPoint, Optics
+from dnb_edge.view.marker_solve import FEWEST, solve_markers
 from dnb_edge.view.markers import GreyImage, MarkersSeen, advice, averaged, find_markers
 
 _LEAST_SHARE = 0.04

@@ -2,7 +2,7 @@
 
 Knows squares of one size in ideal px; knows no covariance. A single small square tells the floor's tilt badly, and twice (the
 two poses of IPPE: Collins and Bartoli, Infinitesimal plane-based pose estimation, 2014); the one that all squares agree with
-best is good enough to start from. Frame of reference: foot m, see `marker_solve`.
+best is good enough to start from. Frame of reference: foot m, see `marker_solution`.
 """
 
 from __future__ import annotations

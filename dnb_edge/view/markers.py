@@ -172,11 +172,16 @@ def _read(grey: GreyImage, family: str) -> tuple[list[tuple[int, NDArray[np.floa
     """
     found: list[tuple[int, NDArray[np.float64]]] = []
     unread = 0
-    for apart, smooth in _SETTINGS:
-        squares, numbers, others = _detector(family, grey, apart=apart, smooth=smooth).detectMarkers(grey)
+    looks = [(grey, 1.0, *setting) for setting in _SETTINGS]
+    if max(grey.shape) <= _WIDE_PICTURE_PX:
+        # Enlarged, small markers are read that blur would hide.
+        larger = np.asarray(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+        looks.append((larger, 2.0, *_SETTINGS[0]))
+    for seen, scale, apart, smooth in looks:
+        squares, numbers, others = _detector(family, seen, apart=apart, smooth=smooth).detectMarkers(seen)
         unread = len(others) if unread == 0 else min(unread, len(others))
         for square, number in zip(squares, () if numbers is None else np.ravel(numbers).tolist(), strict=True):
-            corners = _corners(square)
+            corners = (_corners(square) + 0.5) / scale - 0.5
             if not any(int(number) == other and _overlap(corners, there) for other, there in found):
                 found.append((int(number), corners))
     return found, unread

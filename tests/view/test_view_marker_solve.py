@@ -13,7 +13,8 @@ from dnb_edge.errors import InputError
 from dnb_edge.view.least_squares import minimise
 from dnb_edge.view.marker_edges import MarkerFit
 from dnb_edge.view.marker_pose import MarkerQuestion, pose_from_pictures
-from dnb_edge.view.marker_solve import MeasuredPoint, Optics, solve_markers
+from dnb_edge.view.marker_solution import MeasuredPoint, Optics
+from dnb_edge.view.marker_solve import solve_markers
 from dnb_edge.view.markers import grey_of
 
 SIZE_M = 0.15
