@@ -29,7 +29,8 @@ from dnb_edge.detect.onnx import SIDE_MULTIPLE_PX, CentreNetwork, default_model_
 from dnb_edge.score.distance import dtw_distance
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import BgrImage, Frame, Points, SearchWindow
-from dnb_edge.view.drift import DriftWatch, watched_track
+from dnb_edge.view.drift import DriftWatch
+from dnb_edge.view.drift_judge import watched_track
 
 T = TypeVar("T")
 

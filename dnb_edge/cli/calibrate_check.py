@@ -25,7 +25,8 @@ from dnb_edge.config.schema import Config
 from dnb_edge.daemon.drift import calibrated_picture, in_size
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.values import BgrImage
-from dnb_edge.view.drift import TOO_LITTLE, DriftJudge, DriftSettings, Look, Verdict, watched_track
+from dnb_edge.view.drift import TOO_LITTLE
+from dnb_edge.view.drift_judge import DriftJudge, DriftSettings, Look, Verdict, watched_track
 from dnb_edge.view.drift_patches import grey
 from dnb_edge.view.drift_reference import PlaceReference, median_of_five
 

@@ -13,7 +13,8 @@ from dnb_edge.config.schema import ViewConfig
 from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError
 from dnb_edge.values import BgrImage, SourceInfo
-from dnb_edge.view.drift import DriftWatch, watched_track
+from dnb_edge.view.drift import DriftWatch
+from dnb_edge.view.drift_judge import watched_track
 
 
 def make_watch(view: ViewConfig, setup: CoreSetup, info: SourceInfo) -> DriftWatch:

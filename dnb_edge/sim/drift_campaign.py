@@ -21,7 +21,8 @@ import numpy as np
 from dnb_edge.sim.camera import PinholeCamera
 from dnb_edge.sim.drift_rooms import CAMERAS, Bump, DriftRoom, FloorKind, drift_room
 from dnb_edge.sim.drift_scene import DriftScene
-from dnb_edge.view.drift import DriftSettings, DriftWatch
+from dnb_edge.view.drift import DriftWatch
+from dnb_edge.view.drift_judge import DriftSettings
 
 FPS = 6.0
 WITHIN_S = 5.0

@@ -21,7 +21,7 @@ from dnb_edge.sim.circuit import LANE_WIDTH_M, TWIN_SCALE, demo_circuit, edge_li
 from dnb_edge.sim.floor import smooth_noise
 from dnb_edge.sim.solids import box, draw_mesh, mesh
 from dnb_edge.values import Points
-from dnb_edge.view.drift import WatchedTrack, watched_track
+from dnb_edge.view.drift_judge import WatchedTrack, watched_track
 from dnb_edge.view.ground import GroundMap
 
 GreyImage = NDArray[np.uint8]

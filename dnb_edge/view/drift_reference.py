@@ -40,7 +40,10 @@ _COARSE_SEEN = 0.6
 _COARSE_TOLERANCE_PX = 1.2
 _COARSE_FEWEST = 4
 _FAINT = 0.35
-"""A picture with less than this share of the reference's contrast is too faint for anything to be said."""
+"""A part of a picture with less than this share of the reference's contrast shows nothing: it is dark, or hidden by a hand."""
+
+_LIVELY = 0.5
+"""Where fewer than this share of its parts show something, a picture does not show another place."""
 
 FEWEST_PATCHES = 10
 _NINTHS = 3
@@ -56,6 +59,7 @@ class Coarse:
     """(n, 2) middles, px of the reduced picture."""
     templates: tuple[Plane, ...]
     contrast: float
+    """Mean over the parts of the picture, levels."""
 
     @classmethod
     def of(cls, picture: Picture) -> Self:
@@ -73,7 +77,8 @@ class Coarse:
                 _, _, _, (u, v) = cv2.minMaxLoc(quality[top:bottom, left:right])
                 points.append((left + u, top + v))
         templates = tuple(plane[v - half : v + half + 1, u - half : u + half + 1].copy() for u, v in points)
-        return cls(camera_px=np.array(points, dtype=np.float64), templates=templates, contrast=float(plane.std()))
+        contrast = float(np.mean(_contrasts(plane)))
+        return cls(camera_px=np.array(points, dtype=np.float64), templates=templates, contrast=contrast)
 
 
 def coarse_plane(picture: Picture) -> Plane:
@@ -184,7 +189,7 @@ class Search:
         """The motion that the large patches agree on, None where they do not; and whether the picture shows enough that it
         would have been found."""
         coarse = self._reference.coarse
-        clear = float(self._plane.std()) >= _FAINT * coarse.contrast
+        clear = float(np.mean(_contrasts(self._plane) >= _FAINT * coarse.contrast)) >= _LIVELY
         seen = np.array([inside and score >= _COARSE_SEEN for _, _, score, inside in self._found], dtype=bool)
         if seen.sum() < _COARSE_FEWEST:
             return None, clear
@@ -204,6 +209,14 @@ class Search:
         numbers = np.concatenate((motion.numbers[:4], np.zeros(4))) * scale
         covariance = motion.covariance * scale**2
         return Motion(numbers=numbers, covariance=covariance, agreeing=motion.agreeing, size_px=size_px), clear
+
+
+def _contrasts(plane: Plane) -> NDArray[np.float64]:
+    """Standard deviation, levels, of each part of a reduced picture."""
+    columns, rows = _COARSE_CELLS
+    return np.array(
+        [part.std() for row in np.array_split(plane, rows) for part in np.array_split(row, columns, axis=1)]
+    )
 
 
 def median_of_five(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -25,7 +25,8 @@ from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import Event, Frame, FrameDetections, Health, StampSource
-from dnb_edge.view.drift import DriftWatch, watched_track
+from dnb_edge.view.drift import DriftWatch
+from dnb_edge.view.drift_judge import watched_track
 
 FPS = 6.0
 SIZE_PX = (640, 360)

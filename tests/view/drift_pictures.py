@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.view.drift import WatchedTrack, watched_track
+from dnb_edge.view.drift_judge import WatchedTrack, watched_track
 from dnb_edge.view.ground import GroundMap
 
 WIDTH, HEIGHT = 640, 360

@@ -11,7 +11,8 @@ from drift_pictures import HEIGHT, MM_PER_PX, WIDTH, Floor, watched
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dnb_edge.view.drift import DriftJudge, DriftSettings, DriftWatch, Verdict
+from dnb_edge.view.drift import DriftWatch
+from dnb_edge.view.drift_judge import DriftJudge, DriftSettings, Verdict
 from dnb_edge.view.drift_motion import common_motion
 from dnb_edge.view.drift_patches import PatchSize, corner_points, make_patch, match
 from dnb_edge.view.drift_reference import PlaceReference, median_of_five
@@ -252,6 +253,27 @@ def test_a_plain_floor_is_told_once_it_is_known():
     assert watch.note is None
     assert shown(watch, lambda _: floor.seen(noise=1.0), from_s=0.0, to_s=6.0) == []
     assert watch.note == "the floor shows too little for the camera's place to be watched: lay down markers"
+
+
+def test_a_view_that_is_hidden_for_long_is_told():
+    """Where no look has told anything for a minute, a note says that nobody watches; it goes when the view is free again."""
+    floor, watch = Floor(), DriftWatch(watched())
+    hand = np.full((HEIGHT, WIDTH), 90, np.uint8)
+
+    def scene(t_s: float) -> np.ndarray:
+        picture = floor.seen()
+        if 6.0 < t_s < 75.0:
+            picture[:, 60:] = hand[:, 60:]
+        return picture
+
+    assert shown(watch, scene, from_s=0.0, to_s=60.0) == []
+    assert watch.note is None
+    assert shown(watch, scene, from_s=60.0, to_s=74.0) == []
+    assert (
+        watch.note == "the camera's place cannot be told at present: too much of the view is hidden or looks otherwise"
+    )
+    assert shown(watch, scene, from_s=74.0, to_s=78.0) == []
+    assert watch.note is None
 
 
 def test_a_given_reference_finds_what_moved_before_the_run():
