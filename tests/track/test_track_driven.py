@@ -135,6 +135,27 @@ def test_a_lap_that_went_elsewhere_is_left_out_by_name():
     assert apart_m(found.points_m, bean).mean() < 0.004
 
 
+def test_a_lap_of_the_right_length_in_the_wrong_place_is_left_out():
+    """A lap as long as the others and beside them all the way is told by its distance."""
+    laps = [laps_between(drive(bean, 1, seed=k, noise_m=0.004), START)[0] for k in range(4)]
+    laps[2] = laps[2] + (0.4, 0.0)
+    found = driven_route(named(laps), lane_width_m=None, source="x")
+    assert found.kept == ("lap 1", "lap 2", "lap 4")
+    assert "lap 3 lies 0.2" in found.left_out[0]
+    assert "from the others on average" in found.left_out[0]
+
+
+def test_another_branch_through_the_line_counts_only_if_it_goes_straight_over_it():
+    """At the crossing of an eight a line across one branch is crossed by the other, too, at a slant."""
+    path = drive(eight, 3)
+    ahead = path[541] - path[539]
+    at = path[540] + 0.0
+    left = np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead)
+    line = DirectedLine(name="s", start_m=tuple(at + 0.25 * left), end_m=tuple(at - 0.25 * left))
+    assert np.hypot(*at) < 0.05
+    assert len(laps_between(path, line)) > len(laps_between(path, line, straight=True)) >= 2
+
+
 def test_laps_that_do_not_agree_are_refused_by_name():
     """Two laps on different ways do not say which is the track."""
     laps = [laps_between(drive(bean, 1), START)[0], laps_between(drive(bean, 1), START)[0] * 0.7]

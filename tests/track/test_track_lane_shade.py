@@ -220,3 +220,11 @@ def test_even_light_takes_the_light_out_and_keeps_the_colours():
         assert np.percentile(values, 95) < 1.12 * np.percentile(values, 5)
     assert np.median(even) == pytest.approx(np.median(lit(image, "window")), rel=0.1)
     assert np.array_equal(even_light(image, np.zeros(mask.shape, dtype=bool)), image)
+
+
+def test_a_large_dark_thing_does_not_pass_for_bad_light():
+    """A black carpet over a quarter of an evenly lit floor leaves the floor as it is."""
+    image = np.full((300, 400, 3), 180, dtype=np.uint8)
+    image[:, :100] = 15
+    floor = even_light(image)[:, 110:]
+    assert floor.max() <= 1.05 * floor.min()

@@ -68,6 +68,7 @@ def test_the_route_is_right_through_a_lens_and_in_bad_light(room, kind, shade):
     assert mean_off_m(route, ground) < 0.005
     width_m = float(np.median(route.half_left_px + route.half_right_px)) * ground.scale.metres_per_px
     assert width_m == pytest.approx(0.26, abs=0.015)
+    assert np.median(route.half_left_px) == pytest.approx(np.median(route.half_right_px), rel=0.04)
 
 
 def test_the_twin_lies_as_the_map_says(room):
