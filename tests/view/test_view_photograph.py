@@ -107,3 +107,14 @@ def test_the_median_forgets_what_moves():
     assert np.array_equal(median_picture(pictures[:1]), pictures[0])
     with pytest.raises(ValueError, match="no picture"):
         median_picture([])
+
+
+def test_lengths_are_those_of_the_twin_and_not_of_the_view_from_above(room):
+    """Sought over so much floor that its px are twice the twin's, the lane is 0.13 m wide to either side all the same."""
+    picture, ground = room
+    floor = floor_in(picture, ground, area_m=(-4.0, -4.0, 8.0, 8.0))
+    assert floor.metres_per_px == pytest.approx(2 * TWIN_SCALE.metres_per_px)
+    route = route_in(floor, ground, LaneShade.DARK, source="x")
+    for half_px in (route.half_left_px, route.half_right_px):
+        assert np.median(half_px) * TWIN_SCALE.metres_per_px == pytest.approx(0.13, abs=0.01)
+    assert mean_off_m(route, ground) < 0.006
