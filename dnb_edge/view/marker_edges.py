@@ -42,9 +42,9 @@ _LARGE_CELL_PX = 12.0
 _LEAST_RESIDUAL_PX = 0.02
 _SHIFT_VARIES_PX = 0.02
 """By how much the shift differs over a picture."""
-_FLOOR_PX = 0.015
+_FLOOR_PX = 0.02
 """No corner is placed better than this, however clean the picture."""
-_SMALL_PX = 0.15
+_SMALL_PX = 0.2
 _SMALL_CELL_PX = 2.0
 """Blur mixes the edges of small cells: a corner is then wrong by about `_SMALL_PX` exp(-cell / `_SMALL_CELL_PX`), as measured
 on rendered markers."""
