@@ -19,6 +19,7 @@ from dnb_edge.cli.marker_pictures import picture_from_file
 from dnb_edge.cli.refine_inputs import RefineInputs, RefineOptions, refine_inputs
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.report.files import write_whole
+from dnb_edge.track.lane_shade import LaneShade
 from dnb_edge.values import BgrImage
 from dnb_edge.view.refine import CLICK_SIGMA_PX, Refinement
 from dnb_edge.view.refine import refine as align
@@ -40,6 +41,10 @@ def refine(
     twin_image: Annotated[Path | None, typer.Option(help="The twin's picture.")] = None,
     lane_hsv: Annotated[
         str | None, typer.Option(help="Colour of the lane on it: hue 0..360, saturation and value in percent.")
+    ] = None,
+    lane: Annotated[
+        LaneShade | None,
+        typer.Option(help="Instead: the lane is dark or light against the floor, either, or between lines."),
     ] = None,
     track: Annotated[Path | None, typer.Option(help="Or the track file, for its lane.")] = None,
     keypoints: Annotated[
@@ -63,7 +68,7 @@ def refine(
     seen = picture_from_file(picture)
     options = RefineOptions(
         config=config, overrides=tuple(overrides or ()), calibration=calibration, keypoints=keypoints, camera=camera,
-        twin=twin, track=track, twin_image=twin_image, lane_hsv=lane_hsv,
+        twin=twin, track=track, twin_image=twin_image, lane_hsv=lane_hsv, lane=lane,
     )  # fmt: skip
     with Console(stderr=True).status("aligning the lane's edges"):
         inputs = refine_inputs(options, seen.size_px)

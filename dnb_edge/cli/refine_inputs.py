@@ -16,9 +16,10 @@ from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.config.track_file import load_track
 from dnb_edge.errors import InputError
+from dnb_edge.track.lane_shade import LaneShade
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.track.twin import LaneColour, default_close_gap_px, lane_mask, load_twin
+from dnb_edge.track.twin import Lane, LaneColour, default_close_gap_px, lane_mask, load_twin
 from dnb_edge.view.calibration import Calibration, CalibrationMethod
 from dnb_edge.view.homography import calibration_error, fit_ground_map
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
@@ -40,6 +41,7 @@ class RefineOptions:
     track: Path | None = None
     twin_image: Path | None = None
     lane_hsv: str | None = None
+    lane: LaneShade | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +77,8 @@ def refine_inputs(options: RefineOptions, size_px: tuple[int, int]) -> RefineInp
 
 
 def _from_config(options: RefineOptions, config: Config, size_px: tuple[int, int]) -> RefineInputs:
-    other = _given(options.keypoints, options.camera, options.twin, options.track, options.twin_image, options.lane_hsv)
+    drawn = (options.track, options.twin_image, options.lane_hsv, options.lane)
+    other = _given(options.keypoints, options.camera, options.twin, *drawn)
     view = config.view
     if other and view.calibration is None:
         raise InputError(f"--config: names the keypoints and the twin; leave {other[0]} out")
@@ -145,17 +148,23 @@ def _on(pairs: KeypointPairs, calibration: Calibration) -> KeypointPairs:
 
 def _edges(options: RefineOptions, scale: TwinScale) -> tuple[LaneEdges, list[Path]]:
     if options.track is not None:
-        if options.twin_image is not None or options.lane_hsv is not None:
-            raise InputError("--track: give it or --twin-image and --lane-hsv, not both")
+        if _given(options.twin_image, options.lane_hsv, options.lane):
+            raise InputError("--track: give it or --twin-image with --lane-hsv or --lane, not both")
         track = load_track(options.track)
         if track.scale.height_px != scale.height_px:
             raise InputError(f"{options.track}: another twin than the calibration's: calibrate again with this track's")
         return _edges_of_track(track, options.track), [options.track]
-    if options.twin_image is None or options.lane_hsv is None:
-        raise InputError("calibrate refine: give --twin-image and --lane-hsv, or --track: the lane as it is drawn")
-    hue, saturation, value = numbers("--lane-hsv", options.lane_hsv, 3)
-    colour = LaneColour(hue_deg=hue, saturation_percent=saturation, value_percent=value)
-    return _edges_of_image(options.twin_image, colour, None, scale), [options.twin_image]
+    if options.twin_image is None or (options.lane_hsv is None) == (options.lane is None):
+        raise InputError(
+            "calibrate refine: give --twin-image with --lane-hsv or --lane, or --track: the lane as it is drawn"
+        )
+    lane: Lane
+    if options.lane is not None:
+        lane = options.lane
+    else:
+        assert options.lane_hsv is not None
+        lane = _colour(numbers("--lane-hsv", options.lane_hsv, 3))
+    return _edges_of_image(options.twin_image, lane, None, scale), [options.twin_image]
 
 
 def _edges_of_config(config: Config, track: Track) -> tuple[LaneEdges, list[Path]]:
@@ -163,20 +172,25 @@ def _edges_of_config(config: Config, track: Track) -> tuple[LaneEdges, list[Path
     if wanted.file is not None:
         return _edges_of_track(track, wanted.file), [wanted.file]
     assert wanted.image is not None, "the schema wants it"
-    assert wanted.lane_hsv is not None, "the schema wants it"
-    hue, saturation, value = wanted.lane_hsv
-    colour = LaneColour(hue_deg=hue, saturation_percent=saturation, value_percent=value)
-    return _edges_of_image(wanted.image, colour, wanted.close_gap_px, track.scale), [wanted.image]
+    if wanted.lane is not None:
+        return _edges_of_image(wanted.image, wanted.lane, wanted.close_gap_px, track.scale), [wanted.image]
+    assert wanted.lane_hsv is not None, "the schema wants one of the two"
+    return _edges_of_image(wanted.image, _colour(wanted.lane_hsv), wanted.close_gap_px, track.scale), [wanted.image]
 
 
-def _edges_of_image(path: Path, colour: LaneColour, close_gap_px: float | None, scale: TwinScale) -> LaneEdges:
+def _colour(hsv: tuple[float, ...]) -> LaneColour:
+    hue, saturation, value = hsv
+    return LaneColour(hue_deg=hue, saturation_percent=saturation, value_percent=value)
+
+
+def _edges_of_image(path: Path, lane: Lane, close_gap_px: float | None, scale: TwinScale) -> LaneEdges:
     image = load_twin(path)
     if image.shape[0] != scale.height_px:
         raise InputError(
             f"{path}: {image.shape[0]} px high, the calibration's twin is {scale.height_px:g}: give the twin it was made with"
         )
     gap_px = default_close_gap_px(image) if close_gap_px is None else close_gap_px
-    return lane_edges(lane_mask(image, colour, source=str(path), close_gap_px=gap_px), source=str(path))
+    return lane_edges(lane_mask(image, lane, source=str(path), close_gap_px=gap_px), source=str(path))
 
 
 def _edges_of_track(track: Track, path: Path) -> LaneEdges:

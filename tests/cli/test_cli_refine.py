@@ -14,10 +14,11 @@ from edge_command import COMMAND, PATIENCE_S, EdgeOnce, Ran, edge, environment
 
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.calibration_file import load_calibration
-from dnb_edge.sim.circuit import LANE_HSV
+from dnb_edge.sim.circuit import LANE_HSV, TWIN_SCALE, edge_line
 from dnb_edge.sim.renderer import Renderer
 from dnb_edge.sim.rig import Rig
 from dnb_edge.view.calibration import CalibrationMethod
+from dnb_edge.view.refine_edges import strip_mask
 
 HSV = ",".join(map(str, LANE_HSV))
 
@@ -137,6 +138,25 @@ def test_a_calibration_file_is_refined_with_its_keypoints(bench, written, tmp_pa
     facts = json.loads(ran.out)
     assert facts["moved_px"] < 1.0
     assert facts["written"] is None
+
+
+def test_a_lane_told_by_its_shade_serves_as_well(bench, rig, written):
+    """`track.lane` in the configuration, instead of a colour, gives the same edges."""
+    del written
+    text = yaml.safe_load(bench.read_text())
+    del text["track"]["lane_hsv"]
+    text["track"]["lane"] = "dark"
+    left, right = (edge_line(rig.circuit, offset, 0.01) for offset in (0.13, -0.13))
+    strip = strip_mask(left, right, TWIN_SCALE, closed=True)
+    paper = np.full((800, 1200), 255, dtype=np.uint8)
+    paper[:, : strip.shape[1]][strip] = 60
+    cv2.imwrite(str(bench.parent / "shade.png"), paper)
+    text["track"]["image"] = "shade.png"
+    other = bench.parent / "shade.yaml"
+    other.write_text(yaml.safe_dump(text))
+    ran = edge("calibrate", "refine", "--config", other, "--picture", bench.parent / "empty.png", "--json")
+    assert ran.code == 0, ran.err
+    assert json.loads(ran.out)["better"]
 
 
 def test_a_refined_calibration_is_not_refined_by_the_same_edges_again(bench, written):

@@ -94,7 +94,7 @@ def ring(size: int = 600, inner: float = 150.0, outer: float = 210.0) -> np.ndar
 
 
 def test_edges_lie_between_the_pixels_of_lane_and_floor():
-    """Both borders of a ring are found to half a pixel, their normals point away from the lane."""
+    """Both borders of a ring are found to half a pixel, their normals point away from the lane within 15 degrees."""
     edges = lane_edges(ring(), source="ring")
     away = edges.points_px - 300.0
     radius = np.linalg.norm(away, axis=1)
@@ -103,7 +103,7 @@ def test_edges_lie_between_the_pixels_of_lane_and_floor():
     assert (~outside).any()
     assert radius == pytest.approx(np.where(outside, 210.0, 150.0), abs=0.55)
     assert ((away / radius[:, None]) * edges.outward).sum(axis=1) == pytest.approx(
-        np.where(outside, 1.0, -1.0), abs=0.01
+        np.where(outside, 1.0, -1.0), abs=0.04
     )
     assert edges.width_px == pytest.approx(60.0, rel=0.03)
 
