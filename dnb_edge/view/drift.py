@@ -8,7 +8,7 @@ never moves, so slow drift is found too.
 from __future__ import annotations
 
 import statistics
-from collections import deque
+from collections import Counter, deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ _LEARN_PER_FRAME = 8
 _NEARLY_ALL = 0.7
 _HIDDEN = 0.4
 """Where fewer than this share of the patches are seen, they may all have gone elsewhere."""
+
+_STRAY_LOOKS = 10
+"""A patch that was seen elsewhere than the rest in so many looks lies on what was pushed: it has no voice any more."""
 
 _BLIND_S = 60.0
 TOO_LITTLE = "the floor shows too little for the camera's place to be watched: lay down markers"
@@ -52,6 +55,7 @@ class DriftWatch:
         self._lost_since_ns: int | None = None
         self._recent: deque[Look] = deque(maxlen=3)
         self._in_place = 0
+        self._strays: Counter[int] = Counter()
         self._sure_t_ns: int | None = None
         self._moved_m: float | None = None
         self._elsewhere = False
@@ -116,15 +120,27 @@ class DriftWatch:
             self._look_t_ns = t_ns
         due = min(count, 3 + round(count * self._share(self._look_t_ns, t_ns)))
         for index in range(len(self._found), due):
-            self._found.append(judge.reference.find(index, picture, self._expected))
+            stray = self._strays[index] >= _STRAY_LOOKS
+            self._found.append(None if stray else judge.reference.find(index, picture, self._expected))
         if len(self._found) == count:
             look = judge.look(self._found, self._expected)
+            self._note_strays(look)
             self._found = []
             self._count(look)
             if look.verdict is not Verdict.UNSURE or self._sure_t_ns is None:
                 self._sure_t_ns = t_ns
             if look.verdict is Verdict.UNSURE:
                 self._follow(judge, look, picture, t_ns)
+
+    def _note_strays(self, look: Look) -> None:
+        """Counts in how many looks each patch went its own way, where the rest said clearly what the camera did."""
+        if look.verdict is Verdict.UNSURE or look.motion is None:
+            return
+        for index, (one, follows) in enumerate(zip(self._found, look.motion.agreeing.tolist(), strict=True)):
+            if follows:
+                self._strays[index] = 0
+            elif one is not None and one.seen:
+                self._strays[index] += 1
 
     def _share(self, since_t_ns: int | None, t_ns: int) -> float:
         """How much of what is spread over frames is due by now, 0..1."""

@@ -39,6 +39,7 @@ CASES = [
     ("for a moment within lap 2", {(middle(2), middle(2) + 0.2): 0.0123}, [None, "12 mm", None, None]),
     ("over the end of lap 2", {(middle(2), middle(3)): 0.0123}, [None, "12 mm", "12 mm", None]),
     ("further in lap 3", {(middle(2), middle(3)): 0.01, (middle(3), 99.0): 0.02}, [None, "10 mm", "20 mm", "20 mm"]),
+    ("after lap 2, before that is told", {(FIRST_S + 2 * LAP_S + 0.02, 99.0): 0.01}, [None, None, "10 mm", "10 mm"]),
     ("before the first lap", {(0.0, FIRST_S / 2): 0.01}, [None, None, None, None]),
     ("to another place", {(middle(4), 99.0): 2.51}, [None, None, None, "2.5 m"]),
 ]
