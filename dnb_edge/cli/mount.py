@@ -92,8 +92,10 @@ def plan(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Say what a camera in one place gives: coverage, mm a pixel, blur, timing sigma. What is left out of --height, --pitch and
-    --distance is chosen: the whole track in the picture, and the least mm a pixel at the track's worst point.
+    """Say what a camera in one place gives: coverage, mm a pixel, blur, timing sigma.
+
+    What is left out of --height, --pitch and --distance is chosen: the whole track in the picture, and the least mm a pixel at
+    the track's worst point.
 
     dnb-edge mount plan --track 3.0x2.2 --camera c920 --out plan.svg
     """  # fmt: skip

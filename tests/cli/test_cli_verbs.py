@@ -27,7 +27,8 @@ def test_the_verbs_are_those_of_the_contract() -> None:
     """None of the verbs that scripts know has gone."""
     contract = {
         ("demo",), ("run",), ("score",), ("table",), ("report",), ("bench",), ("track", "build"), ("track", "show"),
-        ("calibrate", "keypoints"), ("runs", "list"), ("runs", "recover"), ("runs", "export"), ("config", "show"),
+        ("calibrate", "keypoints"), ("calibrate", "markers"), ("calibrate", "lens"), ("calibrate", "check"),
+        ("calibrate", "refine"), ("mount", "plan"), ("runs", "list"), ("runs", "recover"), ("runs", "export"), ("config", "show"),
         ("config", "check"), ("config", "schema"),
     }  # fmt: skip
     assert contract <= set(VERBS)
