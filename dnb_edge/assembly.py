@@ -46,6 +46,7 @@ from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import Lane, LaneColour, load_twin
 from dnb_edge.values import Clock, SourceInfo
+from dnb_edge.view.calibration import Calibration
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.homography import CalibrationError, calibration_error, fit_ground_map
@@ -62,12 +63,15 @@ class Assembly:
 
     setup: CoreSetup
     calibration: CalibrationError
+    view_sigma_m: float | None
+    """One sigma of the map's position where on the route it is greatest, metres; None where it is not known."""
 
 
 def assemble(config: Config, info: SourceInfo) -> Assembly:
     """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
     track = make_track(config.track)
-    ground, error = make_view(config.view, track.scale, info)
+    view = make_view(config.view, track.scale, info)
+    ground = view.ground
     tallest_m = _tallest_m(config.detector)
     if tallest_m > 0.0:
         ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=tallest_m)
@@ -79,9 +83,10 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
         crossing=settings_of(CrossingSettings, config.crossing),
         laps=settings_of(LapRules, config.race),
         score=settings_of(ScoreSettings, config.score),
-        not_scored_because=check(error, limit),
+        not_scored_because=check(view.error, limit),
     )
-    return Assembly(setup=setup, calibration=error)
+    sigma_m = None if view.calibration is None else view.calibration.greatest_sigma_m(track.centreline.points_m)
+    return Assembly(setup=setup, calibration=view.error, view_sigma_m=sigma_m)
 
 
 def settings_of(kind: Callable[..., T], section: BaseModel) -> T:
@@ -133,18 +138,28 @@ def _metres_per_px(config: TrackConfig, *, height_px: float) -> float:
     ).metres_per_px
 
 
-def make_view(config: ViewConfig, scale: TwinScale, info: SourceInfo) -> tuple[GroundMap, CalibrationError]:
-    """The ground map of the source's frames, and its error. Raises `InputError` where they do not fit the calibration."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How a source's frames show the track."""
+
+    ground: GroundMap
+    error: CalibrationError
+    calibration: Calibration | None
+    """The calibration that it comes from, for the size of picture on which it was made; None where it comes of keypoints."""
+
+
+def make_view(config: ViewConfig, scale: TwinScale, info: SourceInfo) -> View:
+    """The view of the source's frames. Raises `InputError` where they do not fit the calibration."""
     if config.calibration is not None:
         return _calibrated_view(config.calibration, scale, info)
     pairs = load_pairs(config)
     width_px, height_px = config.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
     ground = fit_ground_map(pairs, scale, width_px=width_px, height_px=height_px)
     error = calibration_error(pairs, metres_per_px=scale.metres_per_px)
-    return ground.scaled_to(info.width_px, info.height_px), error
+    return View(ground=ground.scaled_to(info.width_px, info.height_px), error=error, calibration=None)
 
 
-def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> tuple[GroundMap, CalibrationError]:
+def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> View:
     calibration = load_calibration(path)
     made_for = calibration.ground.scale
     remedy = "calibrate again with this track's twin"
@@ -160,7 +175,7 @@ def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> tuple[Gr
         ground = calibration.for_camera(width_px=info.width_px, height_px=info.height_px, camera_id=info.camera_id)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return ground, calibration.error
+    return View(ground=ground, error=calibration.error, calibration=calibration)
 
 
 def _tallest_m(detector: DetectorConfig) -> float:
@@ -300,7 +315,7 @@ def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHead
         name=config.name,
         setup={
             "core": assembly.setup.to_dict(),
-            "calibration": wire.to_dict(assembly.calibration),
+            "calibration": wire.to_dict(assembly.calibration) | {"sigma_m": assembly.view_sigma_m},
             "sha256": {path.name: _sha256(path) for path in _inputs(config)},
         },
         config=plain_config(config),

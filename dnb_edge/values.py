@@ -269,6 +269,7 @@ class Health:
     """`none`, `recording` or `failed`."""
     view_error_mean_px: float | None
     view_error_mean_m: float | None
+    """Both: of the points that the view was calibrated by."""
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     """What is not wrong but wants somebody's hand, such as a car that has not moved yet; sentences."""
@@ -277,6 +278,9 @@ class Health:
     view_moved_m: float | None = None
     """How far the picture has moved from where it was calibrated, the greatest displacement over the track, metres; None
     where it is not known to have moved."""
+    view_sigma_m: float | None = None
+    """One standard deviation of the position that the map from picture to track gives, metres, where on the route it is
+    greatest; None where the calibration does not tell it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

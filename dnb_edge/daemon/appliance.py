@@ -133,6 +133,7 @@ def _meter(assembly: Assembly) -> Meter:
     return Meter(
         view_error_mean_px=assembly.calibration.mean_px,
         view_error_mean_m=assembly.calibration.mean_m,
+        view_sigma_m=assembly.view_sigma_m,
         standing_warnings=() if reason is None else (reason,),
     )
 

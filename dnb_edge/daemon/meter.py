@@ -24,6 +24,7 @@ class Meter:
 
     view_error_mean_px: float | None
     view_error_mean_m: float | None
+    view_sigma_m: float | None = None
     standing_warnings: tuple[str, ...] = ()
     """What is wrong all the time, such as a calibration that is too poor to score with."""
     frames: int = 0
@@ -93,6 +94,7 @@ class Meter:
             recording=recording,
             view_error_mean_px=self.view_error_mean_px,
             view_error_mean_m=self.view_error_mean_m,
+            view_sigma_m=self.view_sigma_m,
             notes=notes,
             # Boards show the first few: without a picture nothing else matters.
             warnings=(*picture, *moved, *self.standing_warnings, *unreadable, *warnings),

@@ -166,6 +166,8 @@ def _calibration(calibration: Mapping[str, Any]) -> str:
         for name, title in _ERROR_NAMES
         if f"{name}_px" in calibration
     ]
+    if calibration.get("sigma_m") is not None:
+        rows.append(("sigma of the map where on the route it is greatest", _NONE, f"{calibration['sigma_m']:.4f}"))
     parts = [_plain_table("Error of the keypoints under the homography", ("", "twin px", "m"), rows)]
     counts = [
         (str(one["points"]), f"{one['mean_px']:.2f}", f"{one['sum_px']:.2f}") for one in calibration.get("by_count", ())

@@ -73,6 +73,17 @@ class Calibration:
         covariance = self.covariance_m2(camera_px)
         return np.asarray(np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1]))
 
+    def greatest_sigma_m(self, route_m: Points) -> float | None:
+        """The greatest `sigma_m` over a route (n, 2), track m, as far as the picture shows it; None where it shows none of it,
+        or the covariance is not known."""
+        if self.covariance is None:
+            return None
+        seen = [point for x, y in route_m.tolist() if (point := self.ground.point_to_camera_px((x, y))) is not None]
+        pixels = np.array(seen, dtype=np.float64).reshape(-1, 2)
+        size = np.array([self.ground.width_px, self.ground.height_px])
+        pixels = pixels[((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1)]
+        return float(self.sigma_m(pixels).max()) if len(pixels) else None
+
     def covariance_m2(self, camera_px: Points) -> NDArray[np.float64]:
         """Covariance (n, 2, 2), m^2 along x and y of the track plane, of where the map puts camera px (n, 2).
 

@@ -106,6 +106,23 @@ def test_what_needs_keypoints_says_so(demo: Path) -> None:
         load_pairs(calibrated(demo, "view.yaml").view)
 
 
+def test_the_error_of_the_map_is_known_over_the_whole_route(demo: Path) -> None:
+    """A calibration with a covariance tells its greatest sigma on the route, frames of any size alike; keypoints tell none."""
+    made = calibration_of(demo)
+    h = made.ground.camera_to_twin
+    loose = tuple(tuple(1e-6 * h[i] ** 2 * (i == j) for j in range(9)) for i in range(9))
+    save_calibration(demo.parent / "loose.yaml", replace(made, covariance=loose))
+    whole = assemble(calibrated(demo, "loose.yaml"), INFO)
+    route = whole.setup.track.centreline.points_m
+    seen = whole.setup.ground.to_camera_px(route)
+    assert whole.view_sigma_m == pytest.approx(replace(made, covariance=loose).sigma_m(seen).max())
+    assert (
+        assemble(calibrated(demo, "loose.yaml"), replace(INFO, width_px=640, height_px=360)).view_sigma_m
+        == whole.view_sigma_m
+    )
+    assert assemble(load_config(demo), INFO).view_sigma_m is None
+
+
 def test_a_box_above_the_floor_asks_for_the_cameras_place(demo: Path) -> None:
     """`detector.point_height_m` makes a run with bare keypoints find where the camera stands; it is for boxes only."""
     raised = load_config(demo, ["detector.point_height_m=0.04"])
