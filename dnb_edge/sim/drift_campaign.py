@@ -27,6 +27,8 @@ from dnb_edge.view.drift_judge import DriftSettings
 FPS = 6.0
 WITHIN_S = 5.0
 """A bump that is told later was not found in time."""
+AT_ALL_S = 20.0
+"""A bump that is told later was not found at all."""
 
 _SCENE_MINUTES = 12.0
 _QUIET_MINUTES = 50.0
@@ -42,7 +44,7 @@ class BumpTrial:
     share: float
     """Greatest displacement over the track, as a share of its span."""
     delay_s: float | None
-    """From the bump to the alarm; None where there was none within 5 s."""
+    """From the bump to the alarm; None where there was none within 20 s."""
     told_share: float | None
     """What the watch said it was, as a share of the span."""
     false_alarm: bool
@@ -83,7 +85,7 @@ def bump_trial(room: DriftRoom, *, seed: int, share: float) -> BumpTrial:
     bump_s = float(random.uniform(5.0, 8.0))
     watch = DriftWatch(room.watched)
     found: dict[str, Any] = {"delay_s": None, "told_share": None, "false_alarm": False}
-    for number in range(int((bump_s + WITHIN_S) * FPS) + 1):
+    for number in range(int((bump_s + AT_ALL_S) * FPS) + 1):
         t_s = number / FPS
         is_bumped = t_s >= bump_s
         picture = scene.frame(room, begin_s + t_s, *((bump, bumped) if is_bumped else ()))
@@ -127,29 +129,32 @@ def _kind(random: np.random.Generator) -> Bump:
 
 def summary(bumps: Sequence[BumpTrial], quiet: Sequence[QuietRun], small: Sequence[BumpTrial]) -> dict[str, object]:
     """The campaign's figures."""
-    delays = [trial.delay_s for trial in bumps if trial.delay_s is not None]
+    delays = [trial.delay_s for trial in bumps if _in_time(trial)]
     looks = sum((Counter(run.looks) for run in quiet), Counter[str]())
     found_of = {
-        share: float(np.mean([trial.delay_s is not None for trial in small if trial.share == share]))
+        share: float(np.mean([_in_time(trial) for trial in small if trial.share == share]))
         for share in sorted({trial.share for trial in small})
     }
     surely = [
         share for share in found_of if all(found >= _FOUND_IN for larger, found in found_of.items() if larger >= share)
     ]
-    off = [abs(trial.told_share / trial.share - 1.0) for trial in bumps if trial.told_share is not None]
+    off = [
+        abs(trial.told_share / trial.share - 1.0) for trial in bumps if trial.told_share is not None and _in_time(trial)
+    ]
     return {
         "bumps": len(bumps),
         "found": len(delays),
-        "found_share": _share(trial.delay_s is not None for trial in bumps),
+        "found_share": _share(_in_time(trial) for trial in bumps),
+        "found_at_all": sum(trial.delay_s is not None for trial in bumps),
         "not_watched": sum(not trial.watched for trial in bumps),
-        "found_share_of_watched": _share(trial.delay_s is not None for trial in bumps if trial.watched),
+        "found_share_of_watched": _share(_in_time(trial) for trial in bumps if trial.watched),
         "delay_p50_s": float(np.percentile(delays, 50)) if delays else None,
         "delay_p95_s": float(np.percentile(delays, 95)) if delays else None,
         "delay_max_s": max(delays, default=None),
         "told_before_bump": sum(trial.false_alarm for trial in (*bumps, *small)),
         "size_off_p50": float(np.percentile(off, 50)) if off else None,
         "size_off_p95": float(np.percentile(off, 95)) if off else None,
-        "missed": [asdict(trial) for trial in bumps if trial.delay_s is None],
+        "missed": [asdict(trial) for trial in bumps if not _in_time(trial)],
         "quiet_minutes": sum(run.minutes for run in quiet),
         "false_alarms": sum(len(run.alarms_s) for run in quiet),
         "false_alarm_runs": [asdict(run) for run in quiet if run.alarms_s],
@@ -157,6 +162,10 @@ def summary(bumps: Sequence[BumpTrial], quiet: Sequence[QuietRun], small: Sequen
         "found_by_share_of_span": {f"{share:g}": found for share, found in found_of.items()},
         "smallest_found_share": min(surely, default=None),
     }
+
+
+def _in_time(trial: BumpTrial) -> bool:
+    return trial.delay_s is not None and trial.delay_s <= WITHIN_S
 
 
 def _share(found: Iterable[bool]) -> float | None:

@@ -67,7 +67,8 @@ class DriftWatch:
     @property
     def moved_m(self) -> float | None:
         """How far the camera's picture has moved, the greatest displacement over the track, metres; None where it is not
-        known to have moved. Where the picture shows nothing of the reference any more, the track's span."""
+        known to have moved. Where nothing of the reference is in its place any more and nobody can tell how far it went, the
+        track's span."""
         return self._moved_m
 
     @property
@@ -127,6 +128,8 @@ class DriftWatch:
             self._note_strays(look)
             self._found = []
             self._count(look)
+            if look.verdict is not Verdict.UNSURE:
+                self._lost_since_ns = None
             if look.verdict is not Verdict.UNSURE or self._sure_t_ns is None:
                 self._sure_t_ns = t_ns
             if look.verdict is Verdict.UNSURE:
@@ -162,7 +165,7 @@ class DriftWatch:
 
     def _worth_a_search(self, look: Look, t_ns: int) -> bool:
         """Whether the patches are not where they are looked for, and were not just searched for in vain."""
-        if look.seen >= self._settings.lost_share * look.patches:
+        if look.still >= self._settings.lost_share * look.patches:
             self._lost_since_ns = None
         hidden = look.seen < max(6.0, _HIDDEN * look.patches)
         again = len(self._recent) > 1 and self._recent[-2].verdict is Verdict.UNSURE
@@ -174,8 +177,8 @@ class DriftWatch:
         self._expected, clear = search.result()
         if self._expected is not None:
             # The next look, round where the search puts the patches, is due at once; and if that is found wrong, a search.
-            self._look_t_ns = self._lost_since_ns = None
-        elif not clear or self.last is None or self.last.seen >= self._settings.lost_share * self.last.patches:
+            self._look_t_ns = None
+        if not clear or self.last is None or self.last.still >= self._settings.lost_share * self.last.patches:
             self._lost_since_ns = None
         elif self._lost_since_ns is None:
             self._lost_since_ns = t_ns

@@ -52,7 +52,7 @@ class DriftSettings:
     search_every_s: float = 2.5
     """A search all over the picture takes longer than a look and comes no more often than this, seconds."""
     lost_share: float = 0.1
-    """Where fewer of the patches than this share are seen, the picture may show something else, 0..1."""
+    """Where fewer of the patches than this share are where they always were, the camera may have gone far, 0..1."""
     lost_s: float = 10.0
     """For so long, seconds."""
     back_looks: int = 5
@@ -115,6 +115,8 @@ class Look:
     """The picture's motion at that point, camera px."""
     agreeing: int
     seen: int
+    still: int
+    """How many were found where they always were."""
     patches: int
     motion: Motion | None
     """What was found to be the common motion, though it may not have been believed."""
@@ -131,14 +133,15 @@ class DriftJudge:
     def look(self, matches: Sequence[Match | None], expected: Motion | None = None) -> Look:
         """The verdict over the matches, one a patch, that were looked for round `expected`."""
         seen = sum(one is not None and one.seen for one in matches)
+        still = int(self._still(matches).sum())
         motion = self.reference.motion(matches, expected) if seen else None
         if motion is None or not self._agreed(motion, seen, far=expected is not None):
-            return self._verdict(Verdict.UNSURE, None, motion, seen)
+            return self._verdict(Verdict.UNSURE, None, motion, seen=seen, still=still)
         moved_m, sigma_m, _ = measured = self.watched.displacement_m(motion)
         if moved_m <= self.settings.moved_share * self.watched.span_m:
-            return self._verdict(Verdict.IN_PLACE, measured, motion, seen)
+            return self._verdict(Verdict.IN_PLACE, measured, motion, seen=seen, still=still)
         sure = moved_m >= self.settings.sure * sigma_m and not self._contradicted(motion, matches)
-        return self._verdict(Verdict.MOVED if sure else Verdict.UNSURE, measured, motion, seen)
+        return self._verdict(Verdict.MOVED if sure else Verdict.UNSURE, measured, motion, seen=seen, still=still)
 
     def look_at(self, picture: Picture) -> Look:
         """One whole comparison with one picture: near the old place, and where that fails all over."""
@@ -165,22 +168,28 @@ class DriftJudge:
     def _contradicted(self, motion: Motion, matches: Sequence[Match | None]) -> bool:
         """Whether patches that do not follow the motion are where they always were: then something in the picture was pushed,
         a chair perhaps with more texture than all of the floor, and not the camera."""
+        still = self._still(matches) & ~motion.agreeing
+        return bool(still.sum() >= _STILL_SHARE * motion.agreeing.sum() and self.reference.parts(still) >= 2)
+
+    def _still(self, matches: Sequence[Match | None]) -> NDArray[np.bool_]:
+        """Which patches are where they always were."""
         tolerance_px = self.reference.tolerance_px
-        found = zip(matches, self.reference.patches, motion.agreeing.tolist(), strict=True)
-        still = np.array(
+        return np.array(
             [
-                one is not None
-                and one.seen
-                and not follows
-                and math.dist(one.camera_px, patch.camera_px) <= tolerance_px
-                for one, patch, follows in found
+                one is not None and one.seen and math.dist(one.camera_px, patch.camera_px) <= tolerance_px
+                for one, patch in zip(matches, self.reference.patches, strict=True)
             ],
             dtype=bool,
         )
-        return bool(still.sum() >= _STILL_SHARE * motion.agreeing.sum() and self.reference.parts(still) >= 2)
 
     def _verdict(
-        self, verdict: Verdict, measured: tuple[float, float, float] | None, motion: Motion | None, seen: int
+        self,
+        verdict: Verdict,
+        measured: tuple[float, float, float] | None,
+        motion: Motion | None,
+        *,
+        seen: int,
+        still: int,
     ) -> Look:
         moved_m, sigma_m, moved_px = (None, None, None) if measured is None else measured
         return Look(
@@ -190,6 +199,7 @@ class DriftJudge:
             moved_px=moved_px,
             agreeing=0 if motion is None else int(motion.agreeing.sum()),
             seen=seen,
+            still=still,
             patches=len(self.reference.patches),
             motion=motion,
         )
