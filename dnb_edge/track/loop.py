@@ -42,6 +42,10 @@ _SEARCH_LIMIT = 200_000
 
 _MOST_NAMED = 6
 
+_STUB_RADII = 3.0
+"""A dead end up to this many half-widths long, which sticks out of the lane by no more than its width, is no lane that broke
+off but something drawn beside it: the ends of a start line, or a mark."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loop:
@@ -111,12 +115,14 @@ def _loops_of(graph: LaneGraph, piece: Sequence[int], reach_px: float, source: s
     straight = _straight_walk(graph, piece, order, reach_px)
     if straight is not None:
         return [straight]
-    outer = max(_faces(piece, order), key=lambda walk: abs(_area(graph, walk)))
-    if abs(_area(graph, outer)) < reach_px**2:
+    # Of the two faces of a single loop only the outer one has a positive area.
+    outer = max(_faces(piece, order), key=lambda walk: _area(graph, walk))
+    if _area(graph, outer) < reach_px**2:
         return []
     seen = [i for i, _ in outer]
     twice = {i for i in seen if seen.count(i) > 1}
-    ends = [end for end in graph.dead_ends() if any(_has_end(graph.edges[i], end) for i in twice)]
+    lanes = [graph.edges[i] for i in twice if graph.edges[i].length > _STUB_RADII * reach_px]
+    ends = [end for end in graph.dead_ends() if any(_has_end(edge, end) for edge in lanes)]
     if ends:
         raise InputError(f"{source}: the outer lane is not closed{ends_text(ends)}: {MEND}, or choose another loop by "
                          "waypoints")  # fmt: skip
@@ -158,7 +164,7 @@ def _faces(piece: Sequence[int], order: dict[int, list[HalfEdge]]) -> list[Walk]
 
 
 def _area(graph: LaneGraph, walk: Walk) -> float:
-    """Signed area that a face's boundary encloses; the outer face's is the largest in size, the sum of all others'."""
+    """Signed area that a face's boundary encloses: the outer face's is positive, all others' together its negative."""
     x, y = polyline(graph, walk).T
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
 

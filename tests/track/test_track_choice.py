@@ -134,6 +134,27 @@ def test_a_broken_loop_beside_a_whole_one_is_not_offered():
     assert np.hypot(*(route.points_px - (290, 200)).T).max() < 63
 
 
+@pytest.mark.parametrize("towards_deg", range(0, 360, 90))
+@pytest.mark.parametrize(("inner", "outer"), [(60, 130), (90, 170), (130, 170)])
+def test_a_branch_within_a_loop_or_a_mark_across_it_leaves_the_loop(towards_deg, inner, outer):
+    """Whichever way a dead end within points, and where a start line's ends stick out of the lane, the ring is the route."""
+    mask = ring()
+    way = np.array([math.cos(math.radians(towards_deg)), math.sin(math.radians(towards_deg))])
+    stroke(mask, np.array([200 + inner * way, 200 + outer * way]), closed=False, half=6)
+    assert find_route(mask, source="ring").length_px == pytest.approx(2 * math.pi * 130, rel=0.01)
+
+
+@pytest.mark.parametrize("towards_deg", range(0, 360, 90))
+def test_a_lane_that_leaves_a_loop_and_ends_is_asked_about(towards_deg):
+    """Longer than a mark, it may be the outer lane, broken off: whichever way it points, its end is named."""
+    mask = canvas()
+    stroke(mask, circle((200, 200), 90))
+    way = np.array([math.cos(math.radians(towards_deg)), math.sin(math.radians(towards_deg))])
+    stroke(mask, np.array([200 + 90 * way, 200 + 180 * way]), closed=False)
+    with pytest.raises(InputError, match="the outer lane is not closed: it ends at"):
+        find_route(mask, source="ring")
+
+
 def test_three_waypoints_say_in_which_order_and_direction():
     """The route passes them as they were given, and a start place does not turn it round."""
     clockwise = ((200, 70), (330, 200), (200, 330))
