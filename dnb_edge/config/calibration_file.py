@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
 import yaml
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from dnb_edge import wire
-from dnb_edge.config.load import ConfigLoader
+from dnb_edge.config.document import check_format, read_mapping, validated
 from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 from dnb_edge.track.scale import TwinScale
@@ -30,6 +30,7 @@ from dnb_edge.view.pose import CameraPose
 FILE_FORMAT = "dnb-edge calibration"
 FILE_VERSION = 1
 
+_WHAT = "calibration file"
 _ANEW = "make one with `dnb-edge calibrate keypoints --out` or `calibrate markers --out`"
 _HEAD = """\
 # Made by `dnb-edge calibrate`; name it in a configuration as view.calibration. `homography` takes the camera's pixels, freed of
@@ -133,7 +134,9 @@ _SIZE = ("width_px", "height_px")
 
 def load_calibration(path: Path) -> Calibration:
     """The calibration in the file `path`. Raises `InputError` naming the file, and the key at fault."""
-    file = _parsed(path)
+    data = read_mapping(path, what=_WHAT, remedy=_ANEW)
+    check_format(data, path, what=_WHAT, file_format=FILE_FORMAT, version=FILE_VERSION, remedy=_ANEW)
+    file = validated(_File, data, path, remedy=_ANEW)
     size = {"width_px": file.camera.width_px, "height_px": file.camera.height_px}
     try:
         lens = None if file.lens is None else Lens.from_dict(file.lens.model_dump() | size)
@@ -186,30 +189,3 @@ def reference_picture(path: Path, calibration: Calibration) -> BgrImage | None:
 def _flat(rows: tuple[Row3, Row3, Row3]) -> Matrix3:
     (a, b, c), (d, e, f), (g, h, i) = rows
     return a, b, c, d, e, f, g, h, i
-
-
-def _parsed(path: Path) -> _File:
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=ConfigLoader)  # noqa: S506 a safe loader
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the calibration ({error.strerror}): check the path") from error
-    except (UnicodeDecodeError, yaml.YAMLError, TypeError, RecursionError) as error:
-        raise InputError(f"{path}: not a calibration file: {_ANEW}") from error
-    if not isinstance(data, dict) or data.get("format") != FILE_FORMAT:
-        raise InputError(f"{path}: not a calibration file: {_ANEW}")
-    if data.get("version") != FILE_VERSION:
-        raise InputError(
-            f"{path}: a calibration file of version {data.get('version')!r}, known is {FILE_VERSION}: {_ANEW}"
-        )
-    try:
-        return _File.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{path}: {_fault(error)}: {_ANEW}") from error
-
-
-def _fault(error: ValidationError) -> str:
-    """The first fault in words."""
-    first: Any = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    words = {"extra_forbidden": "unknown key", "missing": "is missing"}
-    return f"{key}: {words.get(first['type'], str(first['msg'])[:1].lower() + str(first['msg'])[1:])}"

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import yaml
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
-from dnb_edge.config.load import ConfigLoader
+from dnb_edge.config.document import check_format, read_mapping, validated
 from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 from dnb_edge.view.boards import Board, parse_board
@@ -24,6 +24,7 @@ from dnb_edge.view.lens_fit import LensFit
 FILE_FORMAT = "dnb-edge lens"
 FILE_VERSION = 1
 
+_WHAT = "lens file"
 _ANEW = "make one with `dnb-edge calibrate lens --out`"
 _HEAD = """\
 # Made by `dnb-edge calibrate lens`. Pixels are those of pictures of the camera's size below; (0, 0) is the middle of the top
@@ -168,7 +169,9 @@ def lens_file(kept: LensFile) -> bytes:
 
 def load_lens(path: Path) -> LensFile:
     """The lens in the file `path`. Raises `InputError` naming the file, and the key at fault."""
-    file = _parsed(path)
+    data = read_mapping(path, what=_WHAT, remedy=_ANEW)
+    check_format(data, path, what=_WHAT, file_format=FILE_FORMAT, version=FILE_VERSION, remedy=_ANEW)
+    file = validated(_File, data, path, remedy=_ANEW)
     size = {"width_px": file.camera.width_px, "height_px": file.camera.height_px}
     try:
         return LensFile(
@@ -183,28 +186,3 @@ def load_lens(path: Path) -> LensFile:
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _parsed(path: Path) -> _File:
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=ConfigLoader)  # noqa: S506 a safe loader
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the lens file ({error.strerror}): check the path") from error
-    except (UnicodeDecodeError, yaml.YAMLError, TypeError, RecursionError) as error:
-        raise InputError(f"{path}: not a lens file: {_ANEW}") from error
-    if not isinstance(data, dict) or data.get("format") != FILE_FORMAT:
-        raise InputError(f"{path}: not a lens file: {_ANEW}")
-    if data.get("version") != FILE_VERSION:
-        raise InputError(f"{path}: a lens file of version {data.get('version')!r}, known is {FILE_VERSION}: {_ANEW}")
-    try:
-        return _File.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{path}: {_fault(error)}: {_ANEW}") from error
-
-
-def _fault(error: ValidationError) -> str:
-    """The first fault in words."""
-    first: Any = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    words = {"extra_forbidden": "unknown key", "missing": "is missing"}
-    return f"{key}: {words.get(first['type'], str(first['msg'])[:1].lower() + str(first['msg'])[1:])}"

@@ -13,12 +13,11 @@ Knows YAML and the file's form; what the places mean is `view.marker_floor`'s kn
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import yaml
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
-from dnb_edge.config.load import ConfigLoader
+from dnb_edge.config.document import read_mapping, validated
 from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 from dnb_edge.track.scale import TwinScale
@@ -63,7 +62,8 @@ class _File(BaseModel):
 
 def load_marker_layout(path: Path) -> MarkerLayout:
     """The layout in the YAML file `path`. Raises `InputError` naming the file, and the line or key at fault."""
-    file = _checked(path, _parsed(path))
+    data = read_mapping(path, what="marker layout", remedy=_FORM)
+    file = validated(_File, data, path, remedy=_FORM)
     scale = None if file.twin is None else TwinScale(**file.twin.model_dump())
     points = []
     for marker in file.markers:
@@ -94,32 +94,3 @@ def _at_m(path: Path, marker: _Marker, scale: TwinScale | None) -> tuple[float, 
         )
     u, v = marker.twin_px
     return u * scale.metres_per_px, (scale.height_px - v) * scale.metres_per_px
-
-
-def _parsed(path: Path) -> dict[str, Any]:
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=ConfigLoader)  # noqa: S506 a safe loader
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the layout ({error.strerror}): check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text: {_FORM}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
-    except (TypeError, RecursionError) as error:
-        raise InputError(f"{path}: not plain YAML: {error}; {_FORM}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: no layout in it: {_FORM}")
-    return data
-
-
-def _checked(path: Path, data: dict[str, Any]) -> _File:
-    try:
-        return _File.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        words = {"extra_forbidden": "unknown key", "missing": "is missing"}
-        what = words.get(first["type"], str(first["msg"])[:1].lower() + str(first["msg"])[1:])
-        raise InputError(f"{path}: {key}: {what}; {_FORM}") from error

@@ -29,6 +29,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from dnb_edge.config.document import first_fault
 from dnb_edge.config.load import ConfigLoader
 from dnb_edge.config.sections import STRICT, Number
 from dnb_edge.errors import InputError
@@ -142,7 +143,9 @@ def track_file(track: Track, made_of: MadeOf | None = None) -> bytes:
     if track.sector_lines:
         lines.append("  sectors:")
     lines += [f"  - {{name: {_text(line.name)}, {_ends(line, scale)}}}" for line in track.sector_lines]
-    lines.append("points:  # along the route: x_m, y_m, half_left_m, half_right_m (lane's edges to the left and the right)")
+    lines.append(
+        "points:  # along the route: x_m, y_m, half_left_m, half_right_m (lane's edges to the left and the right)"
+    )
     rows = np.column_stack((route.points_m, route.half_left_m, route.half_right_m))
     lines += [f"- [{', '.join(map(_number, row))}]" for row in rows.tolist()]
     return ("\n".join(lines) + "\n").encode()
@@ -167,10 +170,7 @@ def load_track_file(path: Path) -> TrackFile:
     try:
         file = _File.model_validate(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        what = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(first["type"], str(first["msg"]))
-        raise InputError(f"{path}: {key}: {what}: mend it, or build the track file anew") from error
+        raise InputError(f"{path}: {first_fault(error)}: mend it, or build the track file anew") from error
     return TrackFile(track=_track(file, path), made_of=MadeOf(**file.made_of.model_dump()))
 
 

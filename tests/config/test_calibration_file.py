@@ -123,7 +123,7 @@ def test_each_mistake_is_one_line_with_file_and_key(find: str, put: str, says: s
     path.write_text(text.replace(find, put, 1))
     with pytest.raises(InputError) as caught:
         load_calibration(path)
-    assert str(caught.value).startswith(f"{path}: ")
+    assert str(caught.value).startswith(str(path))
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -43,6 +43,8 @@ def test_a_file_as_people_write_it(tmp_path):
         (GOOD.replace("[678, 1242]", "[678, here]"), r"pairs\.1\.twin_px\.1: input should be a valid number"),
         (GOOD.replace("[678, 1242]", "[678, .nan]"), r"pairs\.1\.twin_px\.1: input should be a finite number"),
         (GOOD.replace("[3840, 2160]", "[3840, 0]"), r"image_size\.1: input should be greater than 0"),
+        (GOOD.replace("north gate", "''"), r"pairs\.0\.name: '' cannot be told in a line"),
+        (GOOD.replace("north gate", '"north\\ngate"'), r"pairs\.0\.name: 'north\\ngate' cannot be told in a line"),
         (GOOD + "size: 3\n", r"size: unknown key"),
         (GOOD.replace("[1509, 548]", "[678, 1242]"), r"keypoints\.yaml: twin keypoints 2 and 3 are the same point"),
         ("\n".join(GOOD.splitlines()[:4]), r"keypoints\.yaml: 2 pairs of keypoints"),

@@ -59,7 +59,7 @@ def test_mistakes_are_named(tmp_path, old, new, said):
 
 @pytest.mark.parametrize(
     ("data", "said"),
-    [(b"- 1\n", "no layout in it"), (b"\xff\xfe", "not UTF-8"), (b"markers: []\n", "two markers must be measured")],
+    [(b"- 1\n", "not a marker layout"), (b"\xff\xfe", "not even text"), (b"markers: []\n", "two markers must be measured")],
 )
 def test_other_files_are_refused(tmp_path, data, said):
     """What is no layout at all is told with the form that it should have."""
@@ -67,5 +67,5 @@ def test_other_files_are_refused(tmp_path, data, said):
     path.write_bytes(data)
     with pytest.raises(InputError, match=said):
         load_marker_layout(path)
-    with pytest.raises(InputError, match="cannot read the layout"):
+    with pytest.raises(InputError, match="cannot read the marker layout"):
         load_marker_layout(tmp_path / "none.yaml")
