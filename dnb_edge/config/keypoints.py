@@ -61,6 +61,9 @@ def load_yaml_pairs(path: Path) -> KeypointPairs:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
         raise InputError(f"{path}: {key}: {_what(first['type'], str(first['msg']))}; {_FORM}") from error
+    for k, pair in enumerate(file.pairs):
+        if isinstance(pair.name, str) and not (pair.name.strip() and pair.name.isprintable()):
+            raise InputError(f"{path}: pairs.{k}.name: {pair.name!r} cannot be told in a line: use letters and digits")
     return KeypointPairs(
         camera_px=tuple(pair.camera_px for pair in file.pairs),
         twin_px=tuple(pair.twin_px for pair in file.pairs),

@@ -69,6 +69,7 @@ def _draw_views(axes: Axes, fit: LensFit) -> None:
     axes.set_yticks(places, names, fontsize=9)
     for label, view in zip(axes.get_yticklabels(), fit.views, strict=True):
         label.set_color(_BAD if view.bad else _INK)
+        label.set_parse_math(False)
     axes.invert_yaxis()
     axes.set_xlabel("RMS of the view, camera px (dashed: of all)")
     axes.set_title(f"{len(fit.views)} views (tilt), RMS {fit.rms_px:.2f} px", color=_INK, fontsize=12)

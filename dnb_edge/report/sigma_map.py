@@ -145,7 +145,7 @@ def _draw_pairs(axes: Axes, wanted: SigmaMap, at: Points, other: Points, *, widt
         axes.plot(*tail, "o", markersize=6, markerfacecolor="white", markeredgecolor=colour, markeredgewidth=1.6)
         axes.annotate(
             name, tuple(tail), (6, 6), textcoords="offset points", color=colour, fontsize=11, weight="bold",
-            path_effects=_HALO,
+            path_effects=_HALO, parse_math=False,
         )  # fmt: skip
     if times == 1:
         return "to scale"

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from dnb_edge.errors import InputError
+from dnb_edge.report.lens import lens_picture
 from dnb_edge.report.lens_sheet import board_figure, board_sheet
-from dnb_edge.view.boards import find_board, parse_board
+from dnb_edge.view.boards import BoardSight, find_board, parse_board
+from dnb_edge.view.lens_fit import LensView, fit_lens
 
 DPI = 150
 
@@ -51,3 +53,17 @@ def test_the_check_bar_is_100_mm():
     row = page[page.shape[0] - round(8.0 / 25.4 * DPI)]
     dark = np.flatnonzero(row < 200)
     assert np.ptp(dark) / DPI * 25.4 == pytest.approx(100.0, abs=0.5)
+
+
+def test_views_names_are_words_and_no_formulas():
+    """Files may be called as they like: signs of TeX in a name are drawn as they stand."""
+    board, random = parse_board("chessboard:7x10:15mm"), np.random.default_rng(3)
+    matrix, ids = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]]), np.arange(len(board.points_m))
+    solid = np.column_stack((board.points_m, np.zeros(len(ids))))
+    views = []
+    for k in range(8):
+        turn, shift = random.uniform(-0.5, 0.5, 3), (*random.uniform(-0.15, 0.05, 2), 0.45)
+        seen = cv2.projectPoints(solid, turn, np.array(shift), matrix, np.zeros(5))[0].reshape(-1, 2)
+        sight = BoardSight(ids=ids, camera_px=seen + random.normal(0, 0.2, seen.shape))
+        views.append(LensView(name=f"$x^{{{k}$.jpg", sight=sight))
+    assert lens_picture(fit_lens(board, views, size_px=(1280, 720))).startswith(b"\x89PNG")
