@@ -174,6 +174,11 @@ def _check_order(pairs: KeypointPairs, points: WeightedPoints) -> None:
     swap = find_swap(points)
     if swap is not None:
         one, other = pairs.names[swap.first], pairs.names[swap.second]
+        if len(points) == 4:
+            raise InputError(
+                f"{pairs.source}: keypoints {one} and {other} seem swapped, or the other two: no camera sees four such places "
+                "in that order: click them anew, better with a fifth"
+            )
         raise InputError(
             f"{pairs.source}: keypoints {one} and {other} seem swapped: exchanging them takes the mean error from "
             f"{swap.before_px:.0f} to {swap.after_px:.{1 if swap.after_px < 10 else 0}f} twin px"
