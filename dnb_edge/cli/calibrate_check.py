@@ -87,7 +87,7 @@ def _judge(config: Config, source: FrameSource, reference: Path | None) -> Drift
 
 
 def _read(path: Path) -> BgrImage:
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if path.is_file() else None
     if picture is None:
         raise InputError(f"{path}: no picture that OpenCV can read: check the path")
     return np.asarray(picture, dtype=np.uint8)

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from dnb_edge.cli.calibration_out import check_calibration_path, save_calibration
+from dnb_edge.cli.calibration_out import check_calibration_path, check_places, save_calibration
 from dnb_edge.cli.keypoint_input import Given, Options, gather
 from dnb_edge.cli.keypoint_words import Found, facts, print_found
 from dnb_edge.errors import InputError
@@ -72,6 +72,10 @@ def keypoints(
             _check_picture_path(name, path)
     if out is not None:
         check_calibration_path(out)
+    check_places(
+        {"--out": out, "--sigma-map": sigma_map, "--plot": plot},
+        reads=(camera, twin, pairs_path, config_file, lens, twin_image, picture),
+    )
     options = Options(
         camera=camera, twin=twin, pairs=pairs_path, config=config_file, overrides=overrides or (), without=without or (),
         metres_per_px=metres_per_px, image_size=image_size, lens=lens, twin_image=twin_image, picture=picture,

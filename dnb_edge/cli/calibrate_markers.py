@@ -14,9 +14,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from dnb_edge.cli.calibration_out import check_calibration_path, input_file, save_calibration
+from dnb_edge.cli.calibration_out import check_calibration_path, check_places, input_file, save_calibration
 from dnb_edge.cli.marker_pictures import Pictures, picture_from_file, pictures_from_source
-from dnb_edge.config.lens_file import load_lens
+from dnb_edge.config.lens_file import LensFile, load_lens
 from dnb_edge.config.load import load_config
 from dnb_edge.config.marker_layout import load_marker_layout
 from dnb_edge.errors import InputError
@@ -77,7 +77,9 @@ def markers(
     metres_per_px: Annotated[
         float, typer.Option(help="Without --layout: scale of the twin that is made of the floor.")
     ] = USUAL_METRES_PER_PX,
-    camera_id: Annotated[str | None, typer.Option(help="The camera's identity. Default: the source's.")] = None,
+    camera_id: Annotated[
+        str | None, typer.Option(help="The camera's identity. Default: the source's, else the lens's.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the calibration file (YAML) here.")] = None,
     rectify: Annotated[
         Path | None, typer.Option(help="Write the floor seen from straight above (PNG) here: a twin's picture.")
@@ -91,10 +93,17 @@ def markers(
     the map is tied to the track; without one the markers make the floor's axes.
     """
     if print_to is not None:
+        if picture is not None or source is not None:
+            raise InputError(
+                "--print: only writes the sheets: look for markers, with --picture or --source, afterwards"
+            )
         _print_sheets(print_to, paper, family, first_id, count if count is not None else _USUAL_COUNT, size_mm)
         return
     _check_options(picture, source, metres_per_px=metres_per_px, height=height, size_mm=size_mm)
     _check_outputs(out, rectify, plot)
+    check_places(
+        {"--out": out, "--rectify": rectify, "--plot": plot}, reads=(picture, config_file, lens_file, layout_file)
+    )
     size_m = _true_size_m(size_mm, bar_mm)
     layout = None if layout_file is None else load_marker_layout(layout_file)
     console = Console(stderr=True)
@@ -104,6 +113,7 @@ def markers(
         assert source is not None
         config = None if config_file is None else load_config(config_file)
         seen = pictures_from_source(source, wanted=frames, config=config, console=console)
+    kept = None if lens_file is None else load_lens(lens_file)
     identity = camera_id if camera_id is not None else seen.camera_id
     question = MarkerQuestion(
         family=family,
@@ -113,8 +123,10 @@ def markers(
     )
     with console.status("looking for markers"):
         pose, calibration, twin_m = _calibrated(
-            seen, _optics(seen, lens_file, identity), question, layout, metres_per_px
+            seen, _optics(seen, kept, str(lens_file), identity), question, layout, metres_per_px
         )
+    if identity is None and kept is not None:
+        identity = kept.camera_id
     extra = [input_file(path) for path in (lens_file, layout_file) if path is not None]
     calibration = replace(
         calibration, camera_id=identity, inputs=(*seen.inputs, *extra), notes=(*pose.notes, *calibration.notes)
@@ -190,15 +202,14 @@ def _true_size_m(size_mm: float, bar_mm: float | None) -> float:
     return size_mm * bar_mm / _BAR_MM / 1000.0
 
 
-def _optics(seen: Pictures, lens_file: Path | None, camera_id: str | None) -> Optics:
+def _optics(seen: Pictures, kept: LensFile | None, source: str, camera_id: str | None) -> Optics:
     width, height = seen.size_px
-    if lens_file is None:
+    if kept is None:
         return Optics(width_px=width, height_px=height, lens=None)
-    kept = load_lens(lens_file)
     try:
         lens = kept.lens_for(width, height, camera_id)
     except InputError as error:
-        raise InputError(f"{lens_file}: {error}") from error
+        raise InputError(f"{source}: {error}") from error
     scale = width / kept.lens.width_px
     sigmas = (
         kept.sigmas.get("fx_px", 0.0) / kept.lens.fx_px,

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from dnb_edge.cli.calibration_out import check_calibration_path, input_file, save_calibration
+from dnb_edge.cli.calibration_out import check_calibration_path, check_places, input_file, save_calibration
 from dnb_edge.cli.marker_pictures import picture_from_file
 from dnb_edge.cli.refine_inputs import RefineInputs, RefineOptions, refine_inputs
 from dnb_edge.errors import InputError, WorkError
@@ -65,6 +65,9 @@ def refine(
     Nothing is written without --out and your consent, and nothing at all where it is not better.
     """
     _check_options(out, plot, yes=yes, click_sigma_px=click_sigma_px)
+    check_places({"--out": out, "--plot": plot}, reads=(picture, config, keypoints, camera, twin, track, twin_image))
+    if overrides and config is None:
+        raise InputError("--set: sets keys of --config: give that, too")
     seen = picture_from_file(picture)
     options = RefineOptions(
         config=config, overrides=tuple(overrides or ()), calibration=calibration, keypoints=keypoints, camera=camera,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -22,6 +23,35 @@ def check_calibration_path(path: Path) -> None:
         raise InputError(f"--out {path}: the name of a calibration file must end in .yaml")
     if not path.parent.is_dir():
         raise InputError(f"--out {path}: there is no directory {path.parent}: make it first")
+    if path.is_dir():
+        raise InputError(f"--out {path}: is a directory: name a file")
+
+
+def check_places(written: Mapping[str, Path | None], *, reads: Iterable[Path | None]) -> None:
+    """Raises `InputError` where a file would be written over one that is read, or over another one.
+
+    `written`: paths by their options. Call it before the work. The picture kept beside `--out` counts as written; to read it,
+    as when an old calibration is made anew, is right.
+    """
+    sources = {path.resolve() for path in reads if path is not None}
+    taken: dict[Path, str] = {}
+    out = written.get("--out")
+    if out is not None:
+        taken[reference_path(out).resolve()] = "--out's picture of the view"
+    for option, path in written.items():
+        if path is None:
+            continue
+        place = path.resolve()
+        if place in sources:
+            raise InputError(f"{option} {path}: is read, too, and would be lost: name another file")
+        if place in taken:
+            raise InputError(f"{option} {path}: {taken[place]} goes there, too: name another file")
+        taken[place] = option
+
+
+def reference_path(out: Path) -> Path:
+    """Where the picture of the view is kept: beside its calibration file."""
+    return out.with_name(f"{out.stem}.reference.png")
 
 
 def save_calibration(path: Path, calibration: Calibration, reference: BgrImage | None = None) -> Calibration:
@@ -34,7 +64,7 @@ def save_calibration(path: Path, calibration: Calibration, reference: BgrImage |
     if reference is not None:
         ok, data = cv2.imencode(".png", reference)
         assert ok, "OpenCV encodes any 8-bit picture as PNG"
-        beside = path.with_name(f"{path.stem}.reference.png")
+        beside = reference_path(path)
         write_whole(beside, data.tobytes())
         saved = replace(saved, reference=InputFile(name=beside.name, sha256=hashlib.sha256(data.tobytes()).hexdigest()))
     write_whole(path, calibration_file(saved))

@@ -104,6 +104,8 @@ def gather(options: Options) -> Given:
     """Reads everything. Raises `InputError` naming the option, file or key at fault."""
     if options.metres_per_px is not None and not (math.isfinite(options.metres_per_px) and options.metres_per_px > 0):
         raise InputError(f"--metres-per-px {options.metres_per_px:g}: must be a positive number")
+    if options.overrides and options.config is None:
+        raise InputError("--set: sets keys of --config: give that, too")
     config = None if options.config is None else load_config(options.config, list(options.overrides))
     pairs, files = _pairs(options, config)
     if options.without:
@@ -154,16 +156,28 @@ def _pairs(options: Options, config: Config | None) -> tuple[KeypointPairs, list
 def _size(
     options: Options, config: Config | None, pairs: KeypointPairs, picture: BgrImage | None, lens: Lens | None
 ) -> tuple[int, int] | None:
-    """By the option, the configuration, the pairs' file, the picture or the lens, in this order."""
+    """By the option, the pairs' file, the configuration, the picture or the lens.
+
+    A configuration's size is that of its own keypoints' picture: it comes first for those, and last but for the guesses for
+    pairs given with --keypoints. Raises `InputError` where the option contradicts what is written beside the points.
+    """
+    stated, said_by = pairs.image_size_px, pairs.source
+    own = None if config is None else config.view.image_size_px
+    if own is not None and (stated is None or options.pairs is None):
+        stated, said_by = own, f"{options.config}, view.image_size_px"
     if options.image_size is not None:
         found = re.fullmatch(r"([1-9]\d{0,4})[x×]([1-9]\d{0,4})", options.image_size.strip().lower())
         if found is None:
             raise InputError(f"--image-size {options.image_size}: must be WIDTHxHEIGHT in px, such as 1280x720")
-        return int(found[1]), int(found[2])
-    if config is not None and config.view.image_size_px is not None:
-        return config.view.image_size_px
-    if pairs.image_size_px is not None:
-        return pairs.image_size_px
+        size = int(found[1]), int(found[2])
+        if stated is not None and stated != size:
+            raise InputError(
+                f"--image-size {options.image_size}: the points were clicked on {stated[0]}x{stated[1]} px by {said_by}: leave "
+                "the option out, or put it right there"
+            )
+        return size
+    if stated is not None:
+        return stated
     if picture is not None:
         return picture.shape[1], picture.shape[0]
     return None if lens is None else (lens.width_px, lens.height_px)
@@ -201,4 +215,10 @@ def _picture(path: Path) -> BgrImage:
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if image is None:
         raise InputError(f"--picture {path}: not a picture: give a JPEG or PNG")
+    stored = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if stored is None or not np.array_equal(stored, image):
+        raise InputError(
+            f"--picture {path}: shown turned, by a note in the file (EXIF) that frames do not have: save it upright, without "
+            "the note, and click on that picture"
+        )
     return image.astype(np.uint8)

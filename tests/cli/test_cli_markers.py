@@ -88,6 +88,32 @@ def lens(picture):
     return path
 
 
+def test_the_calibration_is_of_the_lens_camera(picture, tmp_path):
+    """A picture from a file has no camera's identity, its lens has: it goes into the calibration, so another one is refused."""
+    lens = tmp_path / "lens.yaml"
+    lens.write_text(LENS.replace("id: null", "id: usb-9"))
+    out = tmp_path / "view.yaml"
+    ran = edge("calibrate", "markers", "--picture", picture, "--lens", lens, "--out", out)
+    assert ran.code == 0, ran.err
+    assert load_calibration(out).camera_id == "usb-9"
+    with pytest.raises(InputError, match="usb-9"):
+        load_calibration(out).for_camera(width_px=1280, height_px=720, camera_id="usb-1")
+
+
+def test_nothing_that_is_read_is_written_over(picture, tmp_path):
+    """The photograph is never drawn over, and two pictures do not go to one file."""
+    photo = tmp_path / "photo.png"
+    photo.write_bytes(picture.read_bytes())
+    for words in (("--plot", photo), ("--rectify", tmp_path / "a.png", "--plot", tmp_path / "a.png")):
+        ran = edge("calibrate", "markers", "--picture", photo, "--out", tmp_path / "view.yaml", *words)
+        assert ran.code == 2
+        assert "name another file" in ran.complaint()
+    assert [file.name for file in tmp_path.iterdir()] == ["photo.png"]
+    assert photo.read_bytes() == picture.read_bytes()
+    ran = edge("calibrate", "markers", "--print", tmp_path / "s.pdf", "--picture", photo)
+    assert (ran.code, ran.complaint().startswith("dnb-edge: --print: only writes the sheets")) == (2, True)
+
+
 def test_sheets_are_printed(tmp_path):
     """`--print` writes the PDF and says what it holds and how to print it."""
     ran = edge(

@@ -52,6 +52,15 @@ def written(bench: Path, once: EdgeOnce) -> tuple[Ran, Path]:
     return once("written", "calibrate", "refine", *words, "--yes", "--json"), out
 
 
+def test_nothing_that_is_read_is_written_over(bench, tmp_path):
+    """The picture is never drawn over; --set needs the configuration that it changes."""
+    words = ("calibrate", "refine", "--picture", bench.parent / "empty.png")
+    ran = edge(*words, "--config", bench, "--plot", bench.parent / "empty.png")
+    assert (ran.code, "is read, too, and would be lost" in ran.complaint()) == (2, True)
+    ran = edge(*words, "--calibration", tmp_path / "v.yaml", "--set", "race.laps=2")
+    assert (ran.code, "--set: sets keys of --config" in ran.complaint()) == (2, True)
+
+
 def test_yes_takes_what_is_better(written):
     """--yes writes the refined calibration with the picture of its view and its inputs; the JSON tells before and after."""
     ran, out = written

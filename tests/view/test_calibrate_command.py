@@ -7,11 +7,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from keypoint_samples import HEIGHT, SCALE, TWIN, WIDTH, seen
 
+from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.cli.main import main
 from dnb_edge.config.calibration_file import load_calibration, reference_picture
 from dnb_edge.config.lens_file import LensFile, lens_file
+from dnb_edge.sim.rig import Rig
 from dnb_edge.view.boards import parse_board
 from dnb_edge.view.fit import fit_keypoints
 from dnb_edge.view.homography import calibration_error
@@ -280,3 +283,95 @@ def test_a_lens_file(shell, tmp_path):
     code, _, err = shell(*files, "--lens", tmp_path / "lens.yaml", "--camera-id", "usb-1")
     assert code == 2
     assert "lens.yaml: " in err
+
+
+def pairs_file(path, *, names=(), size=None, camera=NOISY):
+    """A YAML file of the twelve pairs."""
+    pairs = [
+        {"name": names[k] if k < len(names) else f"p{k}", "camera_px": here.tolist(), "twin_px": there.tolist()}
+        for k, (here, there) in enumerate(zip(camera, MANY, strict=True))
+    ]
+    path.write_text(
+        yaml.safe_dump(({} if size is None else {"image_size": size}) | {"pairs": pairs}, allow_unicode=True)
+    )
+    return path
+
+
+@pytest.mark.parametrize("name", ["$x^{$", "[/bold]", "\\frac{", "日本"])
+@pytest.mark.parametrize("form", ["png", "svg"])
+def test_names_are_words_and_no_formulas(shell, tmp_path, name, form):
+    """Names with the signs of TeX, of markup or of another script are told and drawn as they stand, even that of an outlier."""
+    wrong = NOISY.copy()
+    wrong[0] += (40, 0)
+    path = pairs_file(tmp_path / "pairs.yaml", names=(name,), camera=wrong)
+    code, out, err = shell("--keypoints", path, *pictures(tmp_path), "--sigma-map", tmp_path / f"map.{form}")
+    assert (code, err) == (0, "")
+    assert f"Keypoint {name} lies" in out
+    assert (tmp_path / f"map.{form}").stat().st_size > 10_000
+
+
+def test_the_size_of_the_picture_stands_beside_the_points(shell, tmp_path):
+    """Pairs given beside a configuration keep their own picture's size; an option that says another size is refused."""
+    demo = write_demo_config(tmp_path, Rig(seed=1))
+    config = yaml.safe_load(demo.read_text())
+    twin = np.load(tmp_path / config["view"]["keypoints_twin"])
+    camera = np.load(tmp_path / config["view"]["keypoints_camera"]) * 3
+    pairs = [{"camera_px": here.tolist(), "twin_px": there.tolist()} for here, there in zip(camera, twin, strict=True)]
+    path = tmp_path / "pairs.yaml"
+    path.write_text(yaml.safe_dump({"image_size": [3840, 2160], "pairs": pairs}))
+    assert shell("--config", demo, "--keypoints", path, "--out", tmp_path / "view.yaml")[0] == 0
+    ground = load_calibration(tmp_path / "view.yaml").ground
+    assert (ground.width_px, ground.height_px) == (3840, 2160)
+    for words in (("--keypoints", path), ("--config", demo)):
+        code, _, err = shell(*words, "--image-size", "1920x1080")
+        assert code == 2
+        assert "--image-size 1920x1080: the points were clicked on " in err
+    assert shell("--keypoints", path, "--image-size", "3840x2160")[0] == 0
+
+
+def test_a_picture_that_viewers_turn_is_refused(shell, tmp_path):
+    """Clicks on a picture turned by its EXIF note are not the frames' px; a note that turns nothing does no harm."""
+    files, more = saved(tmp_path, NOISY, MANY), pictures(tmp_path)
+    picture = cv2.imread(str(tmp_path / "photo.png"))
+    picture[:200, :300] = 40
+    for turn, code in ((1, 0), (3, 2), (6, 2)):
+        path = tmp_path / "phone.jpg"
+        path.write_bytes(jpeg_to_turn(picture, turn))
+        code_now, _, err = shell(*files, *more, "--picture", path, "--out", tmp_path / f"{turn}.yaml")
+        assert code_now == code, turn
+        assert (f"--picture {path}: shown turned" in err) == (code == 2)
+        assert (tmp_path / f"{turn}.yaml").exists() == (code == 0)
+
+
+def jpeg_to_turn(picture, turn):
+    """A JPEG whose EXIF orientation is `turn`."""
+    data = cv2.imencode(".jpg", picture)[1].tobytes()
+    note = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0" + bytes([turn, 0]) + bytes(6)
+    return data[:2] + b"\xff\xe1" + (len(note) + 2).to_bytes(2, "big") + note + data[2:]
+
+
+def test_nothing_that_is_read_is_written_over(shell, tmp_path, monkeypatch):
+    """An output in the place of an input or of another output is refused before anything is written; so is a directory."""
+    monkeypatch.chdir(tmp_path)
+    path, more = pairs_file(tmp_path / "pairs.yaml"), pictures(tmp_path)
+    (tmp_path / "folder.yaml").mkdir()
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    for words, said in (
+        (("--out", "pairs.yaml"), "--out pairs.yaml: is read, too, and would be lost"),
+        (("--sigma-map", "photo.png"), "--sigma-map photo.png: is read, too"),
+        (("--plot", "../" + tmp_path.name + "/twin.png"), "is read, too"),
+        (("--plot", "a.png", "--sigma-map", "a.png"), "--plot a.png: --sigma-map goes there, too"),
+        (
+            ("--out", "v.yaml", "--plot", "v.reference.png"),
+            "--plot v.reference.png: --out's picture of the view goes there",
+        ),
+        (("--out", "folder.yaml"), "--out folder.yaml: is a directory: name a file"),
+        (("--set", "race.laps=2"), "--set: sets keys of --config: give that, too"),
+    ):
+        code, _, err = shell("--keypoints", path, *more, *words)
+        assert code == 2, words
+        assert said in err
+        assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()} == before
+    assert shell("--keypoints", path, *more, "--out", "v.yaml")[0] == 0
+    again = (*more[: more.index("--picture")], "--picture", "v.reference.png")
+    assert shell("--keypoints", path, *again, "--out", "v.yaml")[0] == 0
