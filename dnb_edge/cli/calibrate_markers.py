@@ -228,7 +228,13 @@ def _calibrated(
     if layout is None:
         return pose, *own_calibration(pose.solution, metres_per_px=metres_per_px)
     check_layout(layout, pose.solution)
-    pose = pose_from_pictures(greys, optics, replace(question, measured=layout.points))
+    try:
+        tied = pose_from_pictures(greys, optics, replace(question, measured=layout.points))
+    except InputError:
+        # Lengths that cannot be make the pose vague, too: say which, rather than what came of it.
+        check_layout(layout, pose.solution, tied=True)
+        raise
+    pose = tied
     check_layout(layout, pose.solution, tied=True)
     calibration = layout_calibration(pose.solution, layout)
     return pose, calibration, twin_size_m(pose.solution, calibration)

@@ -169,6 +169,10 @@ def test_a_layout_ties_to_the_track(picture, tmp_path):
     ground = load_calibration(out).ground
     middles = CAMERA.project(np.array([[x, y, 0.0] for x, y, _ in PLACES]))
     assert ground.to_track_m(middles) == pytest.approx(np.array(PLACES)[:, :2] + (1, 2), abs=0.006)
+    for size_mm in (144, 156):
+        ran = edge("calibrate", "markers", "--picture", picture, "--layout", layout, "--size-mm", size_mm)
+        assert ran.code == 2
+        assert f"printed at {150 / size_mm:.0%}" in ran.complaint()
     shorter = layout.read_text().replace("track_m: [1.3,", "track_m: [1.38,")
     layout.write_text(shorter)
     ran = edge("calibrate", "markers", "--picture", picture, "--layout", layout)
