@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -105,6 +106,7 @@ def build(
         },
     )
     wanted.check()
+    _check_outputs(wanted.files, {"--out": out, "--overlay": overlay, "--twin-out": twin_out})
     settings = TrackSettings(
         name=name if name is not None else wanted.name,
         lane_colour=LaneShade.AUTO,
@@ -145,6 +147,7 @@ def show(
     """Show a track file as a table, and draw it: lane, route, direction, start, finish and sector lines."""
     if image is not None and overlay is None:
         raise InputError(f"--image {image}: say where the picture goes with --overlay")
+    _check_outputs([path for path in (track_path, image) if path is not None], {"--overlay": overlay})
     file = load_track_file(track_path)
     picture = None if image is None else load_twin(image)
     drawn = ""
@@ -190,7 +193,7 @@ def _write(
     track = track_from_route(made.route, laid_out_in, made.settings, source=wanted.source_name)
     if out is not None:
         write_whole(out, track_file(track, made.made_of))
-        overlay = _beside(out, wanted.image, twin_out) if overlay is None else overlay
+        overlay = _beside(out, twin_out, *wanted.files) if overlay is None else overlay
     if overlay is not None:
         write_whole(overlay, _png(draw_track(picture, track)))
     if twin_out is not None:
@@ -212,6 +215,16 @@ def _beside(out: Path, *others: Path | None) -> Path:
     overlay = out.with_suffix(".png")
     taken = overlay.resolve() in {path.resolve() for path in (out, *others) if path is not None}
     return out.with_name(f"{out.stem}-overlay.png") if taken else overlay
+
+
+def _check_outputs(inputs: Sequence[Path], outputs: dict[str, Path | None]) -> None:
+    """Raises `InputError` where an output is one of the inputs, or two outputs are one file."""
+    taken = {path.resolve(): "that file is read, and would be lost" for path in inputs}
+    for name, path in outputs.items():
+        if path is not None:
+            if path.resolve() in taken:
+                raise InputError(f"{name} {path}: {taken[path.resolve()]}: name another file")
+            taken[path.resolve()] = f"that is where {name} goes"
 
 
 def _check_scale_options(length_m: float | None, measured: str | None, metres_per_px: float | None) -> None:

@@ -92,6 +92,13 @@ class Origin:
     """Options of the drawing and of the route through a picture, by name; None or empty where not given."""
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that are read; a source's `file:` too."""
+        uris = [uri for uri in (self.source, self.drive) if uri is not None and uri.startswith(("file:", "mcap:"))]
+        given = (self.image, *self.photos, *self.laps, self.calibration, self.model)
+        return (*(path for path in given if path is not None), *(Path(uri.split(":", 1)[1]) for uri in uris))
+
+    @property
     def name(self) -> str:
         """What the track is called where nobody says."""
         files = [path for path in (self.image, *self.photos, *self.laps) if path is not None]

@@ -21,6 +21,11 @@ _LEAST_CONTRAST = 0.08
 """Difference of lane and floor, as a share of the floor's brightness, below which there is no lane."""
 _PLAIN_CONTRAST = 0.3
 """The same difference above which it counts for no more."""
+_FAINT_SCORE = 0.06
+"""A loop that scores less is taken only where the other shade does not stand out half as much again."""
+_ALIKE_SCORE = 0.4
+_ALIKE_WIDTH = 1.6
+"""A piece is a lane, too, if it scores this share of the best one's, and is so many times as wide at most, or as narrow."""
 _PIECES = 8
 """So many of the largest pieces are looked at for the lane."""
 _LEAST_HOLE = 0.01
@@ -50,6 +55,8 @@ class _Candidate:
     """(height, width), 255 on the lane."""
     score: float
     """How much it looks like one lane that goes round, greater is better; 0 where nothing goes round."""
+    apart: float = 0.0
+    """How much of the floor's scatter Otsu's parting explains, as a standard deviation in shares of its brightness."""
 
 
 _WHAT = {LaneShade.DARK: "darker", LaneShade.LIGHT: "lighter", LaneShade.AUTO: "darker or lighter"}
@@ -73,6 +80,9 @@ def shade_mask(image: BgrImage, shade: LaneShade, *, source: str, seen: Mask | N
         return best.mask
     ways = (False, True) if shade is LaneShade.AUTO else (shade is LaneShade.LIGHT,)
     bands = [band for light in ways if (band := _band(grey, seen, light=light)) is not None]
+    # Where the floor's estimate overshoots, a lane that stands out well has a faint rim that goes round it.
+    clearest = max((band.apart for band in bands), default=0.0)
+    bands = [band for band in bands if band.score >= _FAINT_SCORE or 1.5 * band.apart >= clearest]
     if not bands:
         raise InputError(
             f"{source}: nothing in it is {_WHAT[shade]} than the floor around it: name the lane's colour instead, or check "
@@ -87,21 +97,22 @@ def _band(grey: Plane, seen: Mask | None, *, light: bool) -> _Candidate | None:
     Where nothing goes round, what Otsu's threshold gives; None where nothing stands out.
     """
     share = against_floor(grey, seen, light=light, thin=False)
-    if _otsu(share[seen] if seen is not None else share) is None:
+    otsu = _otsu(share[seen] if seen is not None else share)
+    if otsu is None:
         return None
+    cut, apart = otsu
     size = reduced_size(share.shape)
     small = np.asarray(cv2.resize(share, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
     scores = [_lane_likeness((small < level).astype(np.uint8)) for level in _LEVELS]
     score, level = max(zip(scores, _LEVELS, strict=True))
     if score == 0.0:
-        otsu = _otsu(share[seen] if seen is not None else share)
-        assert otsu is not None, "asked above"
-        return _Candidate(mask=_below(share, otsu), score=0.0)
+        return _Candidate(mask=_below(share, cut), score=0.0, apart=apart)
     inner, outer = _levels_about(small, level)
     halfway = (inner + outer) / 2
     if _lane_likeness((small < halfway).astype(np.uint8)) >= 0.9 * score:
         level = halfway
-    return _Candidate(mask=_below(share, level), score=score * min(1.0, max(0.0, outer - inner) / _PLAIN_CONTRAST))
+    score *= min(1.0, max(0.0, outer - inner) / _PLAIN_CONTRAST)
+    return _Candidate(mask=_below(share, level), score=score, apart=apart)
 
 
 def _levels_about(share: Plane, level: float) -> tuple[float, float]:
@@ -118,8 +129,9 @@ def _below(share: Plane, level: float) -> NDArray[np.uint8]:
     return (share < level).astype(np.uint8) * np.uint8(255)
 
 
-def _otsu(values: Plane) -> float | None:
-    """The level at which brightness against the floor falls into two parts; None where those hardly differ.
+def _otsu(values: Plane) -> tuple[float, float] | None:
+    """The level at which brightness against the floor falls into two parts, and the scatter (a standard deviation) that their
+    difference makes; None where they hardly differ.
 
     N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. SMC 9, 1979.
     """
@@ -129,8 +141,11 @@ def _otsu(values: Plane) -> float | None:
     below, above = weight[:-1], weight[-1] - weight[:-1]
     apart = (moment[-1] - moment[:-1]) / np.maximum(above, 1) - moment[:-1] / np.maximum(below, 1)
     apart = np.where((below > 0) & (above > 0), apart, 0.0)
-    best = int(np.argmax(below * above * apart**2))
-    return float(edges[best + 1]) if apart[best] >= _LEAST_CONTRAST else None
+    between = below * above * apart**2
+    best = int(np.argmax(between))
+    if apart[best] < _LEAST_CONTRAST:
+        return None
+    return float(edges[best + 1]), math.sqrt(float(between[best])) / float(weight[-1])
 
 
 def _lane_likeness(mask: NDArray[np.uint8]) -> float:
@@ -156,8 +171,11 @@ def _lane_likeness(mask: NDArray[np.uint8]) -> float:
     return best
 
 
-def lane_piece(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The one connected piece of the mask (255, else 0) that looks most like a lane; the largest where none goes round."""
+def lane_piece(mask: NDArray[np.uint8], *, alike: bool = False) -> NDArray[np.uint8]:
+    """The one connected piece of the mask (255, else 0) that looks most like a lane; the largest where none goes round.
+
+    With `alike` come the other pieces that go round as evenly and are about as wide: a drawing's other lanes.
+    """
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     if count < 2:
         return mask
@@ -168,8 +186,21 @@ def lane_piece(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
         small = np.asarray(cv2.resize(piece, reduced_size(mask.shape), interpolation=cv2.INTER_AREA))
         return _lane_likeness((small > 127).astype(np.uint8)), int(stats[label, cv2.CC_STAT_AREA])
 
-    best = max((int(label) for label in largest), key=likeness)
-    return np.asarray((labels == best).astype(np.uint8) * np.uint8(255))
+    likely = {int(label): likeness(int(label)) for label in largest}
+    best = max(likely, key=lambda label: likely[label])
+    kept = np.zeros(count, dtype=bool)
+    kept[best] = True
+    if alike and likely[best][0] > 0:
+        wide = _width(labels == best)
+        for label, (score, _) in likely.items():
+            if score >= _ALIKE_SCORE * likely[best][0]:
+                kept[label] |= 1 / _ALIKE_WIDTH <= _width(labels == label) / wide <= _ALIKE_WIDTH
+    return np.asarray(kept[labels].astype(np.uint8) * np.uint8(255))
+
+
+def _width(piece: NDArray[np.bool_]) -> float:
+    """Usual half-width of what is drawn, px."""
+    return float(np.median(_ridge(np.pad(piece.astype(np.uint8), 1))))
 
 
 def _enclosed(piece: NDArray[np.uint8]) -> int:
@@ -188,9 +219,10 @@ def _is_inside(stats: NDArray[np.int32], shape: tuple[int, ...]) -> bool:
 def _between_lines(grey: Plane, seen: Mask | None, *, light: bool) -> list[_Candidate]:
     """The lane between lines that are lighter or darker than the floor, or nothing."""
     share = against_floor(grey, seen, light=light, thin=True)
-    level = _otsu(share[seen] if seen is not None else share)
-    if level is None:
+    otsu = _otsu(share[seen] if seen is not None else share)
+    if otsu is None:
         return []
+    level = otsu[0]
     # Lines cover little of the floor, so that Otsu may cut the floor itself: a stricter level goes along.
     lanes = [_between((share < one).astype(np.uint8)) for one in sorted({level, 0.5 * (level + float(share.min()))})]
     return [lane for lane in lanes if lane is not None]

@@ -13,7 +13,7 @@ import numpy as np
 
 from dnb_edge.errors import InputError
 from dnb_edge.track.centreline import Centreline
-from dnb_edge.track.line import DirectedLine
+from dnb_edge.track.line import DirectedLine, line_across
 from dnb_edge.track.model import Track, crossings_of
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import PointPx
@@ -124,7 +124,9 @@ def foot_m(centreline: Centreline, at_px: PointPx, name: str, scale: TwinScale, 
 
 
 def straightest_m(centreline: Centreline) -> float:
-    """The s_m about which a closed route turns least, over about four lane widths."""
+    """The s_m about which a closed route turns least, over about four lane widths, of the places where a line across the lane
+    crosses the route once: where it crosses itself it is straight, too.
+    """
     n = len(centreline.points_m)
     steps = np.roll(centreline.points_m, -1, axis=0) - centreline.points_m
     heading = np.arctan2(steps[:, 1], steps[:, 0])
@@ -132,7 +134,17 @@ def straightest_m(centreline: Centreline) -> float:
     width = 2 * float(np.median(centreline.half_left_m))
     reach = int(np.clip(2 * width / centreline.length_m * n, 1, n // 8))
     turned = sum(np.roll(turn, k) for k in range(-reach, reach + 1))
-    return float(centreline.s_m[int(np.argmin(turned))])
+    straightest = centreline.s_m[np.argsort(turned, kind="stable")].tolist()
+    # A lane's width of room on all sides, if there is, keeps the line clear of other branches.
+    for room_m in (width, 0.0):
+        for s_m in straightest:
+            if all(_crosses_once(centreline, s_m + k * room_m, room_m) for k in (0, -1, 1)):
+                return float(s_m)
+    return float(straightest[0])
+
+
+def _crosses_once(centreline: Centreline, s_m: float, margin_m: float) -> bool:
+    return len(crossings_of(centreline, line_across(centreline, s_m, name="across", margin_m=margin_m))) == 1
 
 
 def started_at(centreline: Centreline, s_m: float) -> Centreline:

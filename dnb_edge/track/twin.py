@@ -25,6 +25,8 @@ Mask = NDArray[np.bool_]
 
 _LEAST_LANE_SHARE = 1e-3
 """A lane that covers less of the picture is taken for stray pixels of its colour."""
+_WIDEST_SEAM = 0.25
+"""Of the picture's longest side."""
 _LOOK = 0.002
 """A colour is taken from a square of so many times the picture's longest side about its place, in each direction."""
 _GREY_SATURATION_PERCENT = 10.0
@@ -82,11 +84,17 @@ def lane_mask(image: BgrImage, lane: Lane, *, source: str, close_gap_px: float, 
     """The lane's pixels, with seams and holes up to about `close_gap_px` wide closed and stray specks removed.
 
     `seen` (height, width) is given for photographs: False where the picture shows nothing, as in a rectified one's corners.
-    `source` names the picture in errors. Raises `InputError` where the lane is not in the picture.
+    `source` names the picture in errors. Raises `InputError` where the lane is not in the picture, or a seam that wide would
+    be a good part of it.
     """
+    most_px = _WIDEST_SEAM * max(image.shape[:2])
+    if not 0 < close_gap_px <= most_px:
+        raise InputError(f"{source}: the widest gap that is closed (close_gap_px, --close-gap-px) must lie between 0 and "
+                         f"{most_px:g} twin px, a quarter of the picture, not {close_gap_px:g}")  # fmt: skip
     if isinstance(lane, LaneShade):
         found = _closed(shade_mask(image, lane, source=source, seen=seen), close_gap_px)
-        return _without_specks(lane_piece(found), close_gap_px)
+        # On a drawing, what looks as much like a lane is one, too, and the route has to be chosen.
+        return _without_specks(lane_piece(found, alike=seen is None), close_gap_px)
     hsv = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2HSV), dtype=np.uint8)
     mask = _within(hsv, lane)
     if seen is not None:

@@ -201,6 +201,20 @@ def gap():
         (ring(), (*PINK, "--length-m", "1", "--metres-per-px", "1"), "give it or --length-m, not both"),
         (ring(), (*PINK, "--metres-per-px", "0"), "metres_per_px must be a positive number"),
         (ring(), (*PINK, "--metres-per-px", "1", "--out", "nowhere/OUT"), "make it first"),
+        (ring(), (*PINK, "--metres-per-px", "1", "--out", "twin.png"), "--out twin.png: that file is read, and would"),
+        (ring(), (*PINK, "--overlay", "twin.png"), "--overlay twin.png: that file is read, and would be lost"),
+        (
+            ring(),
+            (*PINK, "--metres-per-px", "1", "--out", "t", "--overlay", "t"),
+            "that is where --out goes: name another",
+        ),
+        (
+            ring(),
+            (*PINK, "--close-gap-px", "nan"),
+            "must lie between 0 and 100 twin px, a quarter of the picture, not nan",
+        ),
+        (ring(), (*PINK, "--close-gap-px", "1e9"), "not 1e+09"),
+        (ring(), (*PINK, "--close-gap-px", "-3"), "not -3"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(shell, tmp_path, monkeypatch, mask, options, message):
@@ -240,6 +254,17 @@ def test_damaged_track_files(shell, tmp_path, content, message):
     assert f"{path}: " in err
     assert message in err
     assert not (tmp_path / "x.png").exists()
+
+
+def test_show_does_not_draw_over_what_it_reads(shell, twin, tmp_path):
+    """Neither over the track file nor over the twin's picture."""
+    out = tmp_path / "t.yaml"
+    assert shell("track", "build", "--image", twin, *PINK, "--metres-per-px", "0.01", "--out", out)[0] == 0
+    before = out.read_bytes(), twin.read_bytes()
+    for overlay in (out, twin):
+        code, _, err = shell("track", "show", out, "--image", twin, "--overlay", overlay)
+        assert (code, "that file is read, and would be lost" in err) == (2, True)
+    assert (out.read_bytes(), twin.read_bytes()) == before
 
 
 def test_the_papers_twin(shell, real_dir):

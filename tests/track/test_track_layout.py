@@ -176,3 +176,11 @@ def test_the_picture_of_an_open_track_shows_its_ends_and_its_lines():
         u, v = built.scale.to_twin_px(np.array([line.start_m]) * 0.75 + np.array([line.end_m]) * 0.25)[0]
         near = drawn[round(v) - 2 : round(v) + 3, round(u) - 2 : round(u) + 3].reshape(-1, 3)
         assert abs(near - colour).sum(axis=1).min() < 60
+
+
+def test_where_nobody_says_the_start_line_keeps_off_a_crossing():
+    """An eight is straightest where it crosses itself: the line lies elsewhere, a lane's width clear of the other branch."""
+    built = track(EIGHT)
+    place(built, built.start_line)
+    (x0, y0), (x1, y1) = built.start_line.start_m, built.start_line.end_m
+    assert math.hypot((x0 + x1) / 2 - 2.0, (y0 + y1) / 2 - 2.0) > 0.24
