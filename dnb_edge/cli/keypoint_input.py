@@ -26,6 +26,9 @@ from dnb_edge.view.calibration import InputFile
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
 from dnb_edge.view.lens import Lens
 
+_BEYOND_TWIN = 0.25
+"""A place beside the drawing may well be measured: by so much of its width or height."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
@@ -118,6 +121,8 @@ def gather(options: Options) -> Given:
     if twin_path is None and config is not None:
         twin_path = config.track.image
     twin = None if twin_path is None else load_twin(twin_path)
+    if twin is not None:
+        _check_on_twin(pairs, twin, str(twin_path))
     files += [path for path in (options.lens, twin_path) if path is not None]
     return Given(
         pairs=pairs,
@@ -197,6 +202,20 @@ def _twin_height_px(options: Options, track: Track | None, twin: BgrImage | None
             f"{options.twin_image}: {twin.shape[0]} px high, the configuration's twin is {own:g}: give the same picture"
         )
     return own if twin is None else float(twin.shape[0])
+
+
+def _check_on_twin(pairs: KeypointPairs, twin: BgrImage, source: str) -> None:
+    """Raises `InputError` for points so far off the twin's picture that they were clicked on another one."""
+    height, width = twin.shape[:2]
+    size = np.array([width, height], dtype=np.float64)
+    middle = size / 2.0
+    off = np.abs(pairs.twin_array() - middle) > middle + _BEYOND_TWIN * size
+    names = [name for name, (across, down) in zip(pairs.names, off.tolist(), strict=True) if across or down]
+    if names:
+        raise InputError(
+            f"{pairs.source}: twin keypoints {', '.join(names)} lie far outside {source} ({width}x{height} px): give the picture "
+            "of the twin on which they were clicked, in its size"
+        )
 
 
 def _fitting(kept: LensFile, size_px: tuple[int, int], options: Options) -> Lens:

@@ -375,3 +375,14 @@ def test_nothing_that_is_read_is_written_over(shell, tmp_path, monkeypatch):
     assert shell("--keypoints", path, *more, "--out", "v.yaml")[0] == 0
     again = (*more[: more.index("--picture")], "--picture", "v.reference.png")
     assert shell("--keypoints", path, *again, "--out", "v.yaml")[0] == 0
+
+
+def test_a_twin_of_another_size_is_refused(shell, tmp_path):
+    """Points clicked on a larger picture of the twin lie outside the one given: without a word every y would be off."""
+    files, more = saved(tmp_path, NOISY, MANY), pictures(tmp_path)
+    cv2.imwrite(str(tmp_path / "twin.png"), np.full((500, 500, 3), 200, np.uint8))
+    code, _, err = shell(*files, *more, "--out", tmp_path / "view.yaml")
+    assert code == 2
+    assert "twin.png (500x500 px): give the picture of the twin on which they were clicked" in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "view.yaml").exists()
