@@ -210,11 +210,11 @@ def _check_on_twin(pairs: KeypointPairs, twin: BgrImage, source: str) -> None:
     size = np.array([width, height], dtype=np.float64)
     middle = size / 2.0
     off = np.abs(pairs.twin_array() - middle) > middle + _BEYOND_TWIN * size
-    names = [name for name, (across, down) in zip(pairs.names, off.tolist(), strict=True) if across or down]
+    names = [name for name, beyond in zip(pairs.names, off, strict=True) if beyond.any()]
     if names:
         raise InputError(
-            f"{pairs.source}: twin keypoints {', '.join(names)} lie far outside {source} ({width}x{height} px): give the picture "
-            "of the twin on which they were clicked, in its size"
+            f"{pairs.source}: twin keypoints {', '.join(names)} lie far outside {source} ({width}x{height} px): give the "
+            "picture of the twin on which they were clicked, in its size"
         )
 
 
