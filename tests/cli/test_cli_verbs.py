@@ -28,8 +28,8 @@ def test_the_verbs_are_those_of_the_contract() -> None:
     contract = {
         ("demo",), ("run",), ("score",), ("table",), ("report",), ("bench",), ("track", "build"), ("track", "show"),
         ("calibrate", "keypoints"), ("calibrate", "markers"), ("calibrate", "lens"), ("calibrate", "check"),
-        ("calibrate", "refine"), ("mount", "plan"), ("runs", "list"), ("runs", "recover"), ("runs", "export"), ("config", "show"),
-        ("config", "check"), ("config", "schema"),
+        ("calibrate", "refine"), ("mount", "plan"), ("runs", "list"), ("runs", "recover"), ("runs", "export"),
+        ("config", "show"), ("config", "check"), ("config", "schema"),
     }  # fmt: skip
     assert contract <= set(VERBS)
 
