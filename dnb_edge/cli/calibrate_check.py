@@ -12,7 +12,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any
 
-import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
@@ -20,11 +19,11 @@ from numpy.typing import NDArray
 from dnb_edge.assembly import assemble, make_source
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.source import FrameSource
+from dnb_edge.cli.photograph import read_photograph
 from dnb_edge.cli.run import ConfigFile, Override, load_run_config
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.drift import calibrated_picture, in_size
 from dnb_edge.errors import InputError, WorkError
-from dnb_edge.values import BgrImage
 from dnb_edge.view.drift import TOO_LITTLE
 from dnb_edge.view.drift_judge import DriftJudge, DriftSettings, Look, Verdict, watched_track
 from dnb_edge.view.drift_patches import grey
@@ -70,7 +69,7 @@ def _judge(config: Config, source: FrameSource, reference: Path | None) -> Drift
     info = source.info
     setup = assemble(config, info).setup
     if reference is not None:
-        picture = in_size(_read(reference), info.width_px, info.height_px, name=str(reference))
+        picture = in_size(read_photograph(reference), info.width_px, info.height_px, name=str(reference))
     else:
         own = calibrated_picture(config.view, info)
         if own is None:
@@ -84,13 +83,6 @@ def _judge(config: Config, source: FrameSource, reference: Path | None) -> Drift
     if not made.enough:
         raise InputError(TOO_LITTLE)
     return DriftJudge(reference=made, watched=watched, settings=DriftSettings())
-
-
-def _read(path: Path) -> BgrImage:
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if path.is_file() else None
-    if picture is None:
-        raise InputError(f"{path}: no picture that OpenCV can read: check the path")
-    return np.asarray(picture, dtype=np.uint8)
 
 
 def _still_picture(source: FrameSource) -> NDArray[np.uint8]:

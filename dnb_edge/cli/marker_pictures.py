@@ -6,14 +6,13 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
 from dnb_edge.assembly import make_source
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.cli.calibration_out import input_file
+from dnb_edge.cli.photograph import read_photograph
 from dnb_edge.config.schema import Config
 from dnb_edge.errors import InputError
 from dnb_edge.values import BgrImage
@@ -43,10 +42,7 @@ class Pictures:
 def picture_from_file(path: Path) -> Pictures:
     """The picture in a file, as the sensor saw it. Raises `InputError` where it cannot be read."""
     kept = input_file(path)
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    if picture is None:
-        raise InputError(f"{path}: not a picture that OpenCV can read")
-    return Pictures(pictures=(np.asarray(picture, dtype=np.uint8),), camera_id=None, inputs=(kept,))
+    return Pictures(pictures=(read_photograph(path),), camera_id=None, inputs=(kept,))
 
 
 def pictures_from_source(uri: str, *, wanted: int, config: Config | None, console: Console) -> Pictures:

@@ -16,6 +16,7 @@ import numpy as np
 
 from dnb_edge.assembly import make_source
 from dnb_edge.capture.decode import decode_bgr
+from dnb_edge.cli.photograph import read_photograph
 from dnb_edge.cli.replayed import replay
 from dnb_edge.cli.track_lane import LaneOptions
 from dnb_edge.config.calibration_file import load_calibration
@@ -32,7 +33,7 @@ from dnb_edge.track.loop import Loop, SeveralLoops
 from dnb_edge.track.model import START_LINE
 from dnb_edge.track.route import Route
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.track.twin import LaneColour, load_twin
+from dnb_edge.track.twin import LaneColour
 from dnb_edge.values import BgrImage, Frame, Observation, PointPx, Points, path_points
 from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.photograph import SEAM_M, colour_in_photo, floor_in, median_picture, route_in, twin_of
@@ -91,6 +92,8 @@ def from_photos(
     ground = ground_for(calibration, width, height, source)
     picture = median_picture([photo for _, photo in photos])
     floor = floor_in(picture, ground, area_m=area_m)
+    if not floor.seen.any():
+        raise InputError(f"{source}: the area is floor that the camera does not see: choose another (--area), track m")
 
     def colour_at(at_px: PointPx) -> LaneColour:
         return colour_in_photo(floor, ground, at_px, source=source)
@@ -129,7 +132,7 @@ def _right_px(route: Route) -> float:
 
 def load_photos(paths: Sequence[Path]) -> list[tuple[str, BgrImage]]:
     """The photographs by name, and their pictures."""
-    return [(str(path), load_twin(path)) for path in paths]
+    return [(str(path), read_photograph(path)) for path in paths]
 
 
 def pictures_of(uri: str) -> list[tuple[str, BgrImage]]:
