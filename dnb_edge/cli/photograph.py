@@ -18,7 +18,7 @@ def read_photograph(path: Path) -> BgrImage:
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}): check the path") from error
+        raise InputError(f"{path}: cannot read the picture ({error.strerror or error}): check the path") from error
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
     if picture is None:
         raise InputError(f"{path}: not a picture that OpenCV can read: give a JPEG or PNG")
