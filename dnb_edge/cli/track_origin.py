@@ -155,6 +155,8 @@ class Origin:
         if self.area is None:
             return None
         x0, y0, x1, y1 = options.numbers("--area", self.area, 4)
+        if not (x0 < x1 and y0 < y1):
+            raise InputError(f"--area {self.area}: must be two opposite corners, the lesser x and y first, track m")
         return x0, y0, x1, y1
 
     def _origins(self) -> dict[str, object]:

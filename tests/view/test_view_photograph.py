@@ -58,8 +58,9 @@ def mean_off_m(route, ground):
     return float(np.abs(d_m).mean())
 
 
-@pytest.mark.parametrize("shade", [LaneShade.DARK, LaneShade.BETWEEN_LINES])
-@pytest.mark.parametrize("kind", ["bent", "bent, dim and noisy"])
+@pytest.mark.parametrize(
+    ("kind", "shade"), [("bent, dim and noisy", LaneShade.DARK), ("bent", LaneShade.BETWEEN_LINES)]
+)
 def test_the_route_is_right_through_a_lens_and_in_bad_light(room, kind, shade):
     """Within 5 mm of the true centreline on average, and the lane of the right width."""
     picture, ground = bent(*room)
