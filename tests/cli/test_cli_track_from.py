@@ -195,7 +195,7 @@ BAD = [
     (("--photo", "ROOM/square.png", "CAL"), "square.png: 700x700 px, the calibration"),
     (("--photo", "ROOM/empty.png", "--photo", "ROOM/square.png", "CAL"), "square.png: 700x700 px, "),
     (("--photo", "ROOM/plain.png", "CAL"), "plain.png: nothing in it is darker or lighter"),
-    (("--photo", "ROOM/none.png", "CAL"), "none.png: cannot be read"),
+    (("--photo", "ROOM/none.png", "CAL"), "none.png: cannot read"),
     (("--photo", "ROOM/empty.png", "--calibration", "ROOM/none.yaml"), "none.yaml: cannot read the calibration"),
     (("--laps", "ROOM/empty.png"), "empty.png: not an MCAP file"),
     (("--laps", "ROOM/empty.png", "--lane-width-m", "-1"), "--lane-width-m -1: must be a positive number"),
