@@ -59,7 +59,11 @@ def test_mistakes_are_named(tmp_path, old, new, said):
 
 @pytest.mark.parametrize(
     ("data", "said"),
-    [(b"- 1\n", "not a marker layout"), (b"\xff\xfe", "not even text"), (b"markers: []\n", "two markers must be measured")],
+    [
+        (b"- 1\n", "not a marker layout"),
+        (b"\xff\xfe", "not even text"),
+        (b"markers: []\n", "two markers must be measured"),
+    ],
 )
 def test_other_files_are_refused(tmp_path, data, said):
     """What is no layout at all is told with the form that it should have."""
