@@ -129,7 +129,7 @@ def _kind(random: np.random.Generator) -> Bump:
 
 def summary(bumps: Sequence[BumpTrial], quiet: Sequence[QuietRun], small: Sequence[BumpTrial]) -> dict[str, object]:
     """The campaign's figures."""
-    delays = [trial.delay_s for trial in bumps if _in_time(trial)]
+    delays = [trial.delay_s for trial in bumps if trial.delay_s is not None and trial.delay_s <= WITHIN_S]
     looks = sum((Counter(run.looks) for run in quiet), Counter[str]())
     found_of = {
         share: float(np.mean([_in_time(trial) for trial in small if trial.share == share]))
