@@ -13,11 +13,11 @@ from typing import Annotated, Literal
 import cv2
 import numpy as np
 import yaml
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from dnb_edge import wire
-from dnb_edge.config.document import check_format, read_mapping, validated
-from dnb_edge.config.sections import STRICT, Number, Whole
+from dnb_edge.config.document import CameraPart, LensPart, Part, check_format, read_mapping, validated
+from dnb_edge.config.sections import Number
 from dnb_edge.errors import InputError
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import BgrImage
@@ -38,40 +38,20 @@ _HEAD = """\
 """
 
 Row3 = tuple[Number, Number, Number]
-Size = Annotated[Whole, Field(gt=0)]
 
 
-class _Part(BaseModel):
-    model_config = STRICT
-
-
-class _Camera(_Part):
-    id: str | None
-    width_px: Size
-    height_px: Size
-
-
-class _Lens(_Part):
-    model: Literal["pinhole", "fisheye"]
-    fx_px: Number
-    fy_px: Number
-    cx_px: Number
-    cy_px: Number
-    distortion: tuple[Number, ...]
-
-
-class _Twin(_Part):
+class _Twin(Part):
     metres_per_px: Number
     height_px: Number
 
 
-class _Pose(_Part):
+class _Pose(Part):
     position_m: Row3
     focal_px: Number
     pitch_deg: Number
 
 
-class _Error(_Part):
+class _Error(Part):
     mean_px: Number
     sum_px: Number
     max_px: Number
@@ -83,22 +63,22 @@ class _Error(_Part):
     leave_one_out_mean_m: Number | None = None
 
 
-class _Input(_Part):
+class _Input(Part):
     name: str
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-class _File(_Part):
+class _File(Part):
     format: Literal["dnb-edge calibration"]
     version: Literal[1]
     made_at: str
     method: Literal["keypoints", "markers", "refined"]
     notes: tuple[str, ...] = ()
-    camera: _Camera
+    camera: CameraPart
     error: _Error
     pose: _Pose | None
     twin: _Twin
-    lens: _Lens | None
+    lens: LensPart | None
     homography: tuple[Row3, Row3, Row3]
     covariance: tuple[tuple[Number, ...], ...] | None
     reference: _Input | None = None

@@ -1,20 +1,49 @@
 """Reading a YAML document of ours: one line for whatever is wrong with it, the same for every kind of file.
 
-Knows YAML, a document's `format` and `version`, and pydantic's complaints. Knows no kind of file in particular.
+Knows YAML, a document's `format` and `version`, pydantic's complaints, and the parts that more than one kind of file has.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from dnb_edge.config.load import ConfigLoader
+from dnb_edge.config.sections import STRICT, Number, Whole
 from dnb_edge.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
+
+Size = Annotated[Whole, Field(gt=0)]
+"""A length of a picture, px."""
+
+
+class Part(BaseModel):
+    """A part of a document: no unknown keys."""
+
+    model_config = STRICT
+
+
+class CameraPart(Part):
+    """Which camera, and the size of its pictures."""
+
+    id: str | None
+    width_px: Size
+    height_px: Size
+
+
+class LensPart(Part):
+    """A `view.lens.Lens` but for the size of the pictures, which is the camera's."""
+
+    model: Literal["pinhole", "fisheye"]
+    fx_px: Number
+    fy_px: Number
+    cx_px: Number
+    cy_px: Number
+    distortion: tuple[Number, ...]
 
 
 def read_mapping(path: Path, *, what: str, remedy: str) -> dict[str, Any]:

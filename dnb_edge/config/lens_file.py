@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import yaml
-from pydantic import BaseModel, Field
+from pydantic import Field
 
-from dnb_edge.config.document import check_format, read_mapping, validated
-from dnb_edge.config.sections import STRICT, Number, Whole
+from dnb_edge.config.document import CameraPart, LensPart, Part, check_format, read_mapping, validated
+from dnb_edge.config.sections import Number
 from dnb_edge.errors import InputError
 from dnb_edge.view.boards import Board, parse_board
 from dnb_edge.view.lens import Lens
@@ -31,8 +31,6 @@ _HEAD = """\
 # left pixel; the distortion is in OpenCV's order. Do not change numbers by hand: calibrate again.
 """
 _SAME_SHAPE = 0.01
-
-Size = Annotated[Whole, Field(gt=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,26 +80,7 @@ class LensFile:
         return self.lens.scaled_to(width_px, height_px)
 
 
-class _Part(BaseModel):
-    model_config = STRICT
-
-
-class _Camera(_Part):
-    id: str | None
-    width_px: Size
-    height_px: Size
-
-
-class _Lens(_Part):
-    model: Literal["pinhole", "fisheye"]
-    fx_px: Number
-    fy_px: Number
-    cx_px: Number
-    cy_px: Number
-    distortion: tuple[Number, ...]
-
-
-class _View(_Part):
+class _View(Part):
     name: str
     rms_px: Number
     max_px: Number
@@ -109,15 +88,15 @@ class _View(_Part):
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
 
 
-class _File(_Part):
+class _File(Part):
     format: Literal["dnb-edge lens"]
     version: Literal[1]
     made_at: str
     notes: tuple[str, ...] = ()
-    camera: _Camera
+    camera: CameraPart
     board: str
     rms_px: Number
-    lens: _Lens
+    lens: LensPart
     sigmas: dict[str, Number]
     views: tuple[_View, ...]
 
