@@ -193,8 +193,10 @@ class Core:
         ]
         if not moved:
             return ()
-        size = f"{max(moved) * 1e3:.0f} mm" if max(moved) < 1.0 else f"{max(moved):.1f} m"
-        return (f"the camera had moved by {size} since it was calibrated",)
+        # Farther than the track is wide nobody measures: then nothing of the view was in its place.
+        if max(moved) >= float(np.ptp(self._setup.track.centreline.points_m, axis=0).max()):
+            return ("the camera showed another place than when it was calibrated",)
+        return (f"the camera had moved by {max(moved) * 1e3:.0f} mm since it was calibrated",)
 
     def _seat(self, target_id: int) -> int:
         """Which of the cars a target is; with one car in the race, every target is that car."""

@@ -41,7 +41,7 @@ CASES = [
     ("further in lap 3", {(middle(2), middle(3)): 0.01, (middle(3), 99.0): 0.02}, [None, "10 mm", "20 mm", "20 mm"]),
     ("after lap 2, before that is told", {(FIRST_S + 2 * LAP_S + 0.02, 99.0): 0.01}, [None, None, "10 mm", "10 mm"]),
     ("before the first lap", {(0.0, FIRST_S / 2): 0.01}, [None, None, None, None]),
-    ("to another place", {(middle(4), 99.0): 2.51}, [None, None, None, "2.5 m"]),
+    ("far", {(middle(4), 99.0): 1.51}, [None, None, None, "1510 mm"]),
 ]
 
 
@@ -53,6 +53,15 @@ def test_a_lap_is_suspect_where_a_frame_of_it_was_seen_by_a_moved_camera(moved, 
     assert [lap.suspect for lap in laps] == sentences
     assert [replace(lap, suspect=()) for lap in laps] == race({})
     assert all(lap.valid for lap in laps)
+
+
+def test_a_view_that_is_another_place_is_not_given_a_size():
+    """Where nothing of the view is in its place the drift watch tells the track's span; the lap says what that means."""
+    laps = race({(middle(4), 99.0): 2.0})
+    assert [lap.suspect for lap in laps] == [
+        *[()] * 3,
+        ("the camera showed another place than when it was calibrated",),
+    ]
 
 
 def test_recordings_from_before_are_read():
