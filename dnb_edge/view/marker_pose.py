@@ -5,6 +5,7 @@ Knows grey pictures; knows no file, no source and no twin.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,6 +26,9 @@ _THINNEST = 0.08
 _USUAL_COUNT = 4
 _HEIGHT_OFF = 0.03
 """By how much a measured height may differ from that of the markers and a known lens."""
+_HEIGHT_SIGMA = 0.01
+"""How well people measure a height, as a share of it, one standard deviation."""
+_DOUBTED = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +67,7 @@ def pose_from_pictures(pictures: Sequence[GreyImage], optics: Optics, question: 
         fits, notes = _placed(pictures, replace(optics, lens=rough.lens), question)
     solution = _solved(fits, optics, question)
     _check_height(solution, question)
-    notes = [*notes, *_check_spread(solution)]
+    notes = [*notes, *_doubted_height(fits, optics, question), *_check_spread(solution)]
     return MarkerPose(solution=solution, sides_px={fit.number: fit.side_px for fit in fits}, notes=tuple(notes))
 
 
@@ -107,6 +111,24 @@ def _check_height(solution: MarkerSolution, question: MarkerQuestion) -> None:
             f"measure from the floor to the lens, or the sheets were printed at {ratio:.0%} (check the 100 mm bar), or "
             "--lens is another camera's"
         )
+
+
+def _doubted_height(fits: Sequence[MarkerFit], optics: Optics, question: MarkerQuestion) -> list[str]:
+    """A note where a measured height contradicts what the markers tell by themselves, through an unknown lens: the lens is bent
+    to it then, and the pose with it."""
+    if question.height_m is None or optics.lens is not None:
+        return []
+    try:
+        alone = _solved(fits, optics, replace(question, height_m=None))
+    except InputError:
+        # Seen from straight above they do not tell it.
+        return []
+    sigma_m = math.hypot(alone.height_sigma_m, _HEIGHT_SIGMA * question.height_m)
+    if abs(alone.height_m - question.height_m) <= _DOUBTED * sigma_m:
+        return []
+    told = f"{alone.height_m:.2f} +- {alone.height_sigma_m:.2f} m"
+    remedy = "measure again, from the floor to the lens, and the sheets' 100 mm bar"
+    return [f"--height {question.height_m:g}: by the markers alone it would be {told}: {remedy}"]
 
 
 def _check_spread(solution: MarkerSolution) -> list[str]:

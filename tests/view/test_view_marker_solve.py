@@ -188,6 +188,22 @@ def test_a_measured_height_that_contradicts_a_known_lens_is_refused():
     assert pictured(view, sheets, height_m=2.03).solution.height_m == pytest.approx(2.0, abs=0.005)
 
 
+def test_a_measured_height_that_the_markers_doubt_is_noted():
+    """Without a lens the height is believed, but where it is 10 % off and the view tells so by itself, that is said."""
+    view = camera(height_m=2.0, pitch_deg=50.0)
+    grey = grey_of(draw(view, spread_sheets(view, 6, np.random.default_rng(5)), np.random.default_rng(1)))
+
+    def doubts(height_m):
+        question = MarkerQuestion(family="4X4_50", size_m=SIZE_M, height_m=height_m)
+        return [
+            note for note in pose_from_pictures([grey], optics(view, known=False), question).notes if "--height" in note
+        ]
+
+    (note,) = doubts(2.5)
+    assert "measure again, from the floor to the lens" in note
+    assert doubts(2.01) == []
+
+
 def test_what_is_not_seen_is_noted():
     """Markers that should lie there and are not seen are named; three only are noted as few."""
     view = camera(height_m=2.0, pitch_deg=60.0)
