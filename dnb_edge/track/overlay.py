@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from dnb_edge.track.line import DirectedLine
 from dnb_edge.track.loop import Loop
 from dnb_edge.track.model import Track
-from dnb_edge.track.route import Route
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import BgrImage, PointPx, Points
 
@@ -29,13 +28,6 @@ _DIRECTION_ARROWS = 12
 _LEAST_SIDE_PX = 400
 _SHIFT = 4
 """OpenCV draws at 1/16 px with this shift."""
-
-
-def draw_route(image: BgrImage, route: Route) -> BgrImage:
-    """A copy of the twin with the route's middle and the lane's edges."""
-    canvas = _canvas(image)
-    _draw_lane(canvas, route.points_px, route.half_left_px, route.half_right_px, closed=route.closed)
-    return canvas
 
 
 def draw_loops(image: BgrImage, loops: Sequence[Loop]) -> BgrImage:

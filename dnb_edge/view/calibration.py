@@ -105,13 +105,7 @@ class Calibration:
                 f"the calibration was made with the camera {self.camera_id}, this one is {camera_id}: plug that camera in, or "
                 "calibrate this one"
             )
-        ground, frames = self.ground, f"{width_px}x{height_px}"
-        if width_px <= 0 or abs(ground.height_px * width_px / ground.width_px - height_px) >= 1.0:
-            raise InputError(
-                f"the calibration was made on pictures of {ground.width_px}x{ground.height_px}, frames are {frames}: "
-                "set the camera to the same aspect ratio, or calibrate again on its own pictures"
-            )
-        return ground.scaled_to(width_px, height_px)
+        return self.ground.scaled_to(width_px, height_px)
 
     def scaled_to(self, width_px: int, height_px: int) -> Calibration:
         """The same calibration for frames of another size and the same aspect. Raises `InputError` for another aspect."""

@@ -69,23 +69,6 @@ class KeypointFit:
     """True where the keypoints scatter by more than twice the stated sigma."""
 
 
-def fit_calibration(
-    pairs: KeypointPairs,
-    scale: TwinScale,
-    *,
-    width_px: int,
-    height_px: int,
-    lens: Lens | None = None,
-    click_sigma_px: float = CLICK_SIGMA_PX,
-    twin_sigma_px: float = TWIN_SIGMA_PX,
-) -> Calibration:
-    """The calibration of pairs clicked on a picture of the given size: see `fit_keypoints`."""
-    return fit_keypoints(
-        pairs, scale, width_px=width_px, height_px=height_px, lens=lens, click_sigma_px=click_sigma_px,
-        twin_sigma_px=twin_sigma_px,
-    ).calibration  # fmt: skip
-
-
 def fit_keypoints(
     pairs: KeypointPairs,
     scale: TwinScale,

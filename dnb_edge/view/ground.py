@@ -148,8 +148,8 @@ class GroundMap:
         """The same map for frames of another size and the same aspect. Raises `InputError` for another aspect."""
         if width_px <= 0 or height_px <= 0 or abs(self.height_px * width_px / self.width_px - height_px) >= 1.0:
             raise InputError(
-                f"frames are {width_px}x{height_px}, keypoints were clicked on {self.width_px}x{self.height_px}: "
-                "set the camera to the same aspect ratio, or click the keypoints anew on one of its own pictures"
+                f"frames are {width_px}x{height_px}, the view was calibrated on pictures of {self.width_px}x{self.height_px}: "
+                "set the camera to the same aspect ratio, or calibrate again on one of its own pictures"
             )
         across, down = self.width_px / width_px, self.height_px / height_px
         a, b, c, d, e, f, g, h, i = self.camera_to_twin

@@ -101,11 +101,6 @@ def learn_look(lab: BgrImage, lane_px: Points, floor_px: Points, *, source: str)
     return LanePicture(lab=lab, odds=odds.astype(np.float32), told_apart=told_apart)
 
 
-def odds_at(picture: LanePicture, points: Points) -> Floats:
-    """Log-odds for lane at camera px (n, 2) inside the picture."""
-    return np.asarray(picture.odds.ravel()[_cells(picture.lab, points)], dtype=np.float64)
-
-
 def odds_everywhere(picture: LanePicture, *, width_px: int, height_px: int) -> NDArray[np.float32]:
     """Log-odds for lane all over the picture at another size, shape (height_px, width_px)."""
     small = cv2.resize(picture.lab, (width_px, height_px), interpolation=cv2.INTER_AREA)

@@ -74,7 +74,10 @@ def test_its_gate_and_its_sizes_are_those_of_any_view(demo: Path) -> None:
     ("info", "says"),
     [
         (replace(INFO, camera_id="usb-Cam_2"), "made with the camera usb-Cam_1, this one is usb-Cam_2"),
-        (replace(INFO, width_px=640, height_px=480), "made on pictures of 1280x720, frames are 640x480"),
+        (
+            replace(INFO, width_px=640, height_px=480),
+            "frames are 640x480, the view was calibrated on pictures of 1280x720",
+        ),
     ],
     ids=["another camera", "another shape"],
 )

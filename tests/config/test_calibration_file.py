@@ -146,7 +146,7 @@ def test_another_camera_or_shape_is_refused_with_the_reason() -> None:
     assert CALIBRATION.for_camera(width_px=1280, height_px=720, camera_id=None) == CALIBRATION.ground
     with pytest.raises(InputError, match="made with the camera usb-Überwachung_1080p-0001, this one is usb-other"):
         CALIBRATION.for_camera(width_px=1280, height_px=720, camera_id="usb-other")
-    with pytest.raises(InputError, match="frames are 640x480: set the camera to the same aspect ratio"):
+    with pytest.raises(InputError, match="frames are 640x480, the view was calibrated on pictures of 1280x720"):
         CALIBRATION.for_camera(width_px=640, height_px=480, camera_id=None)
 
 

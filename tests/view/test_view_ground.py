@@ -82,7 +82,9 @@ def test_frames_of_another_size(width, height):
 @pytest.mark.parametrize(("width", "height"), [(1280, 1024), (720, 1280), (640, 480), (640, 362), (0, 0)])
 def test_frames_of_another_aspect_are_refused(width, height):
     """Nobody knows where a picture of another shape was cropped: both sizes are named."""
-    with pytest.raises(InputError, match=rf"frames are {width}x{height}, keypoints were clicked on 1280x720: "):
+    with pytest.raises(
+        InputError, match=rf"frames are {width}x{height}, the view was calibrated on pictures of 1280x720: "
+    ):
         GROUND.scaled_to(width, height)
 
 

@@ -12,7 +12,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.sim.circuit import TWIN_SCALE
 from dnb_edge.sim.clicks import calibrated, clicked_places, lane_places, run_campaign, scenes
 from dnb_edge.view.calibration import CalibrationMethod
-from dnb_edge.view.fit import fit_calibration, fit_keypoints, weighted_points
+from dnb_edge.view.fit import fit_keypoints, weighted_points
 from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.homography import fit_homography
 from dnb_edge.view.keypoints import KeypointPairs, load_npy_pairs
@@ -254,4 +254,4 @@ def test_a_scene_of_the_campaign_is_exact_without_noise():
 def test_keypoints_outside_the_picture_are_refused():
     """As with the plain fit."""
     with pytest.raises(InputError, match="outside the picture of 640x360"):
-        fit_calibration(pairs_of(seen(MANY)), SCALE, width_px=640, height_px=360)
+        fit_keypoints(pairs_of(seen(MANY)), SCALE, width_px=640, height_px=360)
