@@ -36,7 +36,7 @@ from dnb_edge.detect.ultralytics_file import is_ultralytics
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.record.header import RunHeader, software_versions
 from dnb_edge.record.reader import iter_frames, read_run

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -23,7 +23,8 @@ from dnb_edge.motion.target import Followed
 from dnb_edge.race.car import CarRace, Passed
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.fix import Fix
-from dnb_edge.race.laps import DrivenLap, LapRules
+from dnb_edge.race.laps import DrivenLap
+from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules
 from dnb_edge.score.similarity import ScoreSettings, score_lap
 from dnb_edge.track.model import Track
 from dnb_edge.values import (
@@ -37,6 +38,7 @@ from dnb_edge.values import (
     SearchWindow,
     TargetState,
 )
+from dnb_edge.view.calibration import Covariance9
 from dnb_edge.view.ground import GroundMap
 
 _BEFORE = {"regain_s": 0.0}
@@ -57,6 +59,17 @@ class CoreSetup:
     """Why laps get no similarity (the calibration is too wrong, say); None where they get one."""
     birth_margin_m: float = 0.1
     """How far beyond the lane's edge an observation still counts as on the lane, metres."""
+    start: StartRules = field(default_factory=StartRules)
+    format: FormatRules = field(default_factory=FormatRules)
+    penalties: PenaltyRules = field(default_factory=PenaltyRules)
+    rules: str = "practice"
+    """Name of the rule set."""
+    cars: tuple[CarSetup, ...] = ()
+    """The cars that take part, in the order of their numbers; empty: numbered as they first cross the start line."""
+    map_covariance: Covariance9 | None = None
+    """Covariance of the map's homography, as in `Calibration`, for frames of `ground`'s size; None where it is not known."""
+    row_s: float = 0.0
+    """Time from one row of the picture to the next (rolling shutter), seconds; 0 where all are seen at once or nobody knows."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `from_dict` gives back an equal setup, bit for bit."""
@@ -69,6 +82,13 @@ class CoreSetup:
             "score": wire.to_dict(self.score),
             "not_scored_because": self.not_scored_because,
             "birth_margin_m": self.birth_margin_m,
+            "start": wire.to_dict(self.start),
+            "format": wire.to_dict(self.format),
+            "penalties": wire.to_dict(self.penalties),
+            "rules": self.rules,
+            "cars": [wire.to_dict(car) for car in self.cars],
+            "map_covariance": self.map_covariance,
+            "row_s": self.row_s,
         }
 
     @classmethod
@@ -84,6 +104,13 @@ class CoreSetup:
                 score=wire.from_dict(ScoreSettings, data["score"]),
                 not_scored_because=data["not_scored_because"],
                 birth_margin_m=data["birth_margin_m"],
+                start=wire.from_dict(StartRules, data.get("start", {})),
+                format=wire.from_dict(FormatRules, data.get("format", {})),
+                penalties=wire.from_dict(PenaltyRules, data.get("penalties", {})),
+                rules=data.get("rules", "practice"),
+                cars=tuple(wire.from_dict(CarSetup, car) for car in data.get("cars", ())),
+                map_covariance=_matrix(data.get("map_covariance")),
+                row_s=data.get("row_s", 0.0),
             )
         except KeyError as error:
             raise ValueError(f"the setup has no member {error}") from error
@@ -259,6 +286,10 @@ class Core:
         )
         lap = replace(driven.lap, similarity_percent=score.similarity_percent)
         return [lap, replace(score, target_id=lap.target_id)]
+
+
+def _matrix(rows: Sequence[Sequence[float]] | None) -> Covariance9 | None:
+    return None if rows is None else tuple(tuple(row) for row in rows)
 
 
 def _is_held(target: Followed) -> bool:

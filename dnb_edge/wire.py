@@ -23,8 +23,12 @@ EVENT_NAMES: dict[type, str] = {
     values.Observation: "observation",
     values.Target: "target",
     values.Crossing: "crossing",
+    values.Incident: "incident",
     values.Lap: "lap",
     values.Score: "score",
+    values.Running: "running",
+    values.RaceState: "race",
+    values.Standings: "standings",
     values.Health: "health",
     values.RunSummary: "run",
 }

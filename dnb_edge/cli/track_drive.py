@@ -24,7 +24,7 @@ from dnb_edge.core import Core, CoreSetup
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.build import TrackSettings
 from dnb_edge.track.centreline import Centreline

@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo, model_va
 from dnb_edge.config.sections import STRICT, Number, Whole, section
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.lane_shade import LaneShade
 

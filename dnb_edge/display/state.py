@@ -117,7 +117,7 @@ class BoardState:
                 changed = _finished(self)
             case values.Observation() | values.Target() | values.Crossing():
                 changed = self.at(event.t_s)
-            case values.Score():
+            case values.Score() | values.Incident() | values.Running() | values.RaceState() | values.Standings():
                 changed = self
         return changed
 

@@ -11,7 +11,8 @@ from typing import Self, TypeAlias
 
 from dnb_edge.race.crossing import CrossingSettings, LineWatch
 from dnb_edge.race.fix import Fix, Progress
-from dnb_edge.race.laps import DrivenLap, LapMachine, LapRules, LapState
+from dnb_edge.race.laps import DrivenLap, LapMachine, LapState
+from dnb_edge.race.rules import LapRules
 from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.values import Crossing, Observation, PointM
 

@@ -17,8 +17,9 @@ from enum import StrEnum
 from itertools import pairwise
 
 from dnb_edge.race.fix import Fix
+from dnb_edge.race.rules import LapRules
 from dnb_edge.track.model import FINISH_LINE
-from dnb_edge.values import Crossing, Direction, Lap, PointM
+from dnb_edge.values import Crossing, Direction, Incident, Lap, PointM
 
 
 class LapState(StrEnum):
@@ -64,32 +65,6 @@ OUT_LAP_FRAMES = 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LapRules:
-    """What makes a lap, and a valid one."""
-
-    laps: int | None = None
-    """Number of complete laps after which the run is finished; None to go on until stopped."""
-    min_lap_s: float = 2.0
-    """A forward crossing earlier than this after the lap's start is no lap, seconds."""
-    min_progress: float = 0.7
-    """Share of the route that a lap must have driven along the route, 0..1."""
-    max_gap_s: float = 1.0
-    """A lap in which the car was unseen for longer is not valid, seconds."""
-    off_lane_margin_m: float = 0.05
-    """How far the car's ground point may lie beyond the lane's edge, metres."""
-    off_lane_s: float = 0.3
-    """A lap in which the car was further out for longer is not valid, seconds."""
-
-    def __post_init__(self) -> None:
-        if self.laps is not None and self.laps < 1:
-            raise ValueError(f"race.laps: {self.laps} is too few, at least 1 is needed")
-        if not 0 <= self.min_progress <= 1:
-            raise ValueError(f"race.min_progress: {self.min_progress} must lie between 0 and 1")
-        if not self.max_gap_s > 0 or self.min_lap_s < 0:
-            raise ValueError("race: max_gap_s must be positive and min_lap_s not negative")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DrivenLap:
     """A complete lap with the path driven in it, before it is scored."""
 
@@ -97,6 +72,10 @@ class DrivenLap:
     path_m: tuple[PointM, ...]
     """Observed ground points from crossing to crossing, track m, both crossings included. Not the filtered ones: those
     lag behind in bends, by more than the observations scatter."""
+    fixes: tuple[Fix, ...] = ()
+    """The fixes between the two crossings."""
+    incidents: tuple[Incident, ...] = ()
+    """What happened in the lap; what it costs is not yet known."""
 
 
 class LapMachine:
@@ -187,7 +166,7 @@ class LapMachine:
             target_id=end.target_id,
         )
         path = (start.track_m, *(fix.observed_m for fix in fixes), end.track_m)
-        return DrivenLap(lap=lap, path_m=path)
+        return DrivenLap(lap=lap, path_m=path, fixes=tuple(fixes))
 
     def _reasons(self, start: Crossing, end: Crossing, fixes: Sequence[Fix]) -> tuple[str, ...]:
         stamps = [start.t_ns, *(fix.t_ns for fix in fixes), end.t_ns]

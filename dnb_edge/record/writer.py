@@ -31,10 +31,14 @@ from dnb_edge.values import (
     Frame,
     FrameDetections,
     Health,
+    Incident,
     Lap,
     Observation,
+    RaceState,
+    Running,
     RunSummary,
     Score,
+    Standings,
     Target,
 )
 
@@ -153,7 +157,7 @@ class Recorder:
 
         Only observations and targets can find no room. A lap and a score are synced as soon as they are written.
         """
-        rank = Rank.DATA if isinstance(event, Observation | Target) else Rank.VITAL
+        rank = Rank.DATA if isinstance(event, Observation | Target | Running) else Rank.VITAL
         return self._mail.put(event, rank, wait=self._settings.lossless)
 
     def add_log(self, message: str, t_ns: int | None = None) -> None:
@@ -330,9 +334,9 @@ def _create(directory: Path) -> DurableFile:
 def _event_t_ns(event: Event, last_t_ns: int) -> int:
     """The event's own stamp; for those that have none, the last frame's."""
     match event:
-        case Observation() | Target() | Crossing() | Health():
+        case Observation() | Target() | Crossing() | Health() | Running() | RaceState() | Standings():
             return event.t_ns
-        case Lap():
+        case Lap() | Incident():
             return event.end_t_ns
         case Score() | RunSummary():
             return last_t_ns

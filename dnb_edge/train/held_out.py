@@ -22,7 +22,7 @@ from dnb_edge.detect.onnx import CentreNetwork, default_model_path, load_model
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.line import line_across

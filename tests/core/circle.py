@@ -10,7 +10,7 @@ import numpy as np
 from dnb_edge.core import CoreSetup
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.line import line_across

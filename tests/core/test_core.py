@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.core import Core, CoreSetup
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.track.line import line_across
 from dnb_edge.values import Crossing, Direction, Event, FrameDetections, Lap, Observation, PointM, Score
 

@@ -12,7 +12,7 @@ from circle import GROUND, RADIUS_M, circle_setup, detection, on_circle
 
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.motion.settings import MotionSettings
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.values import Detection, Event, FrameDetections, Lap, Observation, PointM, Score, Target, TargetState
 
 RED = (40.0, 40.0, 190.0)

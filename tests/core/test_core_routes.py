@@ -12,7 +12,7 @@ import pytest
 from circle import SCALE, circle_setup, circle_track, frames
 
 from dnb_edge.core import Core, CoreSetup
-from dnb_edge.race.laps import LapRules
+from dnb_edge.race.rules import LapRules
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.layout import NamedLine, laid_out
 from dnb_edge.track.line import line_across

@@ -7,7 +7,8 @@ import itertools
 import pytest
 
 from dnb_edge.race.fix import Fix
-from dnb_edge.race.laps import TRANSITIONS, LapMachine, LapRules, LapState, Passing, longest_s
+from dnb_edge.race.laps import TRANSITIONS, LapMachine, LapState, Passing, longest_s
+from dnb_edge.race.rules import LapRules
 from dnb_edge.values import Crossing, Direction
 
 ROUTE_M = 10.0

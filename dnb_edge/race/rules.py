@@ -1,0 +1,206 @@
+"""The rules of a race, as a user can set them: what makes a lap, how a race starts and ends, who wins, what offences cost.
+
+Knows numbers, words and their limits, nothing else. Everything here goes into the recording and, under its own section's name,
+into the configuration.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from dnb_edge.values import IncidentKind
+
+
+class Footprint(StrEnum):
+    """Which part of the car must be beyond the lane's edge for it to be off the track."""
+
+    CENTRE = "centre"
+    """Its ground point."""
+    ANY_WHEEL = "any_wheel"
+    """Any corner of its footprint."""
+    ALL_WHEELS = "all_wheels"
+    """All four corners."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LapRules:
+    """What makes a lap, and what counts as an incident."""
+
+    laps: int | None = None
+    """Number of complete laps after which the run is finished; None to go on until stopped."""
+    min_lap_s: float = 2.0
+    """A forward crossing earlier than this after the lap's start is no lap, seconds."""
+    max_lap_s: float | None = None
+    """A lap that takes longer is too slow, seconds; None for no limit."""
+    min_progress: float = 0.7
+    """Share of the route that a lap must have driven along the route, 0..1."""
+    max_gap_s: float = 1.0
+    """A car that is unseen for longer is lost, seconds."""
+    off_lane: Footprint = Footprint.CENTRE
+    """Which part of the car must be outside: `centre`, `any_wheel` or `all_wheels`; the last two need the car's size."""
+    car_length_m: float | None = None
+    """Length of the car's footprint, metres."""
+    car_width_m: float | None = None
+    """Width of the car's footprint, metres."""
+    off_lane_margin_m: float = 0.05
+    """How far that part may lie beyond the lane's edge, metres."""
+    off_lane_s: float = 0.3
+    """A car that is further out for longer is off the track, seconds."""
+    wrong_way_m: float = 0.3
+    """A car that drives so far against the route goes the wrong way, metres."""
+    short_cut_m: float = 0.5
+    """A car that gets so much further along the route than it drove took a short cut, metres."""
+    stalled_s: float = 5.0
+    """A car that stands for so long has stalled, seconds."""
+    lifted_m: float = 0.4
+    """A car that comes back after a gap so far from where it can have driven was lifted, metres."""
+
+    def __post_init__(self) -> None:
+        if self.laps is not None and self.laps < 1:
+            raise ValueError(f"race.laps: {self.laps} is too few, at least 1 is needed")
+        if not 0 <= self.min_progress <= 1:
+            raise ValueError(f"race.min_progress: {self.min_progress} must lie between 0 and 1")
+        if not self.max_gap_s > 0 or self.min_lap_s < 0:
+            raise ValueError("race: max_gap_s must be positive and min_lap_s not negative")
+        if self.max_lap_s is not None and self.max_lap_s <= self.min_lap_s:
+            raise ValueError(f"race.max_lap_s: {self.max_lap_s} must be more than min_lap_s, {self.min_lap_s}")
+        if self.off_lane is not Footprint.CENTRE and (self.car_length_m is None or self.car_width_m is None):
+            raise ValueError(f"race.off_lane: {self.off_lane.value} needs car_length_m and car_width_m")
+
+
+class StartMode(StrEnum):
+    """How a race begins."""
+
+    ROLLING = "rolling"
+    """With each car's first crossing of the start line."""
+    GRID = "grid"
+    """The cars stand before the start line; a countdown ends in the start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartRules:
+    """How a race starts."""
+
+    mode: StartMode = StartMode.ROLLING
+    """`rolling`: each car's first crossing of the start line; `grid`: standing cars and a countdown."""
+    grid_m: float = 1.0
+    """Length of the grid: the stretch of the route before the start line on which the cars stand, metres."""
+    still_s: float = 2.0
+    """Time for which all cars must have stood on the grid for the countdown to begin, seconds."""
+    countdown_s: float = 3.0
+    """Length of the countdown, seconds."""
+    random_s: float = 0.0
+    """Up to so much longer, by chance, so that nobody can guess the start, seconds."""
+    seed: int = 1
+    """Seed of that chance: the same seed gives the same race again."""
+    jump_m: float = 0.03
+    """A car that has moved further before the start has jumped it, metres."""
+
+    def __post_init__(self) -> None:
+        for name in ("grid_m", "still_s", "jump_m"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"start.{name}: {getattr(self, name)} must be positive")
+        if self.countdown_s < 0 or self.random_s < 0:
+            raise ValueError("start: countdown_s and random_s must not be negative")
+
+
+class Ranking(StrEnum):
+    """What cars are ranked by."""
+
+    BEST_LAP = "best_lap"
+    """The fastest valid lap, penalties included."""
+    BEST_CONSECUTIVE = "best_consecutive"
+    """The least sum of `best_of` valid laps in a row."""
+    BEST_AVERAGE = "best_average"
+    """The mean of the `best_of` fastest valid laps."""
+    TOTAL_TIME = "total_time"
+    """Most laps first, then the time that they took, penalties included."""
+    MOST_LAPS = "most_laps"
+    """Most valid laps first, then the time that they took."""
+    SIMILARITY = "similarity"
+    """The mean path similarity of the valid laps, as in the paper."""
+    DRIVING_SCORE = "driving_score"
+    """Completion of the wanted laps in percent, times the penalties' factors."""
+    SURVIVAL = "survival"
+    """How long the car drove until an incident ended its race; then how far."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormatRules:
+    """When a race ends and who has won it. The wanted number of laps is `race.laps`."""
+
+    time_limit_s: float | None = None
+    """Time after which no new lap begins, seconds from the start (grid) or from a car's first crossing (rolling)."""
+    grace_lap: bool = True
+    """Whether a lap that runs when the time is up may be finished and counts."""
+    rank_by: Ranking = Ranking.BEST_LAP
+    """What cars are ranked by: `best_lap`, `best_consecutive`, `best_average`, `total_time`, `most_laps`, `similarity`,
+    `driving_score` or `survival`."""
+    best_of: int = 3
+    """Number of laps for `best_consecutive` and `best_average`."""
+    warm_up_laps: int = 0
+    """So many laps at the beginning are shown but not ranked."""
+
+    def __post_init__(self) -> None:
+        if self.time_limit_s is not None and not self.time_limit_s > 0:
+            raise ValueError(f"format.time_limit_s: {self.time_limit_s} must be positive")
+        if self.best_of < 1 or self.warm_up_laps < 0:
+            raise ValueError("format: best_of must be at least 1 and warm_up_laps not negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one incident of a kind costs. All of it may be zero: then it is told and nothing more."""
+
+    seconds: float = 0.0
+    """Added to the lap's time, seconds."""
+    factor: float = 1.0
+    """By which the score is multiplied, 0..1."""
+    invalid: bool = False
+    """Whether the lap is not valid."""
+    dnf: bool = False
+    """Whether the car's race is over."""
+    free: int = 0
+    """So many of the kind cost nothing, for each car and run."""
+
+    def __post_init__(self) -> None:
+        if self.seconds < 0 or not math.isfinite(self.seconds):
+            raise ValueError(f"seconds: {self.seconds} must not be negative")
+        if not 0 <= self.factor <= 1:
+            raise ValueError(f"factor: {self.factor} must lie between 0 and 1")
+        if self.free < 0:
+            raise ValueError(f"free: {self.free} must not be negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PenaltyRules:
+    """What each kind of incident costs."""
+
+    off_track: Effect = Effect(invalid=True)
+    wrong_way: Effect = Effect()
+    short_cut: Effect = Effect(invalid=True)
+    stalled: Effect = Effect()
+    lost: Effect = Effect(invalid=True)
+    lifted: Effect = Effect(invalid=True)
+    jump_start: Effect = Effect(invalid=True)
+    too_slow: Effect = Effect(invalid=True)
+    missed_line: Effect = Effect(invalid=True)
+
+    def of(self, kind: IncidentKind) -> Effect:
+        """What an incident of `kind` costs."""
+        effect: Effect = getattr(self, kind.value)
+        return effect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarSetup:
+    """One car that takes part, and how it is told from the others."""
+
+    name: str
+    """What standings and boards call it."""
+    marker_id: int | None = None
+    """Number of its roof marker."""
+    colour_bgr: tuple[float, float, float] | None = None
+    """Its colour, 0..255 each."""
