@@ -160,6 +160,22 @@ class LineWatch:
         return t0 + round(root * 1e9), min(sigma_s, max(bracket_s, self._settings.fit_half_s))
 
 
+def lap_sigma_s(start: Crossing, end: Crossing) -> float:
+    """One standard deviation of the time from `start` to `end`, seconds.
+
+    The map's error is the same at every crossing of one line, map_sigma_m across it, and moves each instant by map_sigma_m / v:
+    between two crossings of that line only the difference of the two remains, and nothing at equal speeds. All else is
+    independent, and so is everything between two different lines.
+    """
+    apart = math.hypot(start.sigma_s, end.sigma_s)
+    if start.line != end.line or not start.speed_mps or not end.speed_mps:
+        return apart
+    first_s, second_s = start.map_sigma_m / start.speed_mps, end.map_sigma_m / end.speed_mps
+    if start.direction is not end.direction:
+        second_s = -second_s
+    return math.sqrt(max(apart**2 - 2 * first_s * second_s, 0.0))
+
+
 def _root(coefficients: np.ndarray, bracket_s: float) -> float:
     """The zero of the polynomial nearest to the middle of the bracket, time counted from there; half the bracket's length
     beyond either end is allowed, since the fit may disagree with single observations. Linear where the parabola fails.
