@@ -10,14 +10,15 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Sequence
 from enum import Enum
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from dnb_edge import values
 
 T = TypeVar("T")
+Read: TypeAlias = Callable[[Any], Any]
 
 EVENT_NAMES: dict[type, str] = {
     values.Observation: "observation",
@@ -34,11 +35,14 @@ EVENT_NAMES: dict[type, str] = {
 }
 """The `event` member of each kind of event's JSON object."""
 
+_ATOMS = frozenset({float, int, str, bool, type(None)})
+"""Types whose values are plain JSON already."""
+
 
 def to_dict(value: object) -> dict[str, Any]:
     """`value`, a dataclass instance, as a dict of plain JSON types, nested dataclasses included."""
-    assert dataclasses.is_dataclass(value), value
-    return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    names = _field_names(typing.cast("Hashable", type(value)))
+    return {name: _plain(getattr(value, name)) for name in names}
 
 
 def event_to_json(event: values.Event) -> str:
@@ -49,12 +53,8 @@ def event_to_json(event: values.Event) -> str:
 def from_dict(cls: type[T], data: dict[str, Any]) -> T:
     """The instance of dataclass `cls` that `to_dict` made `data` from. Unknown members are ignored, so that newer
     recordings stay readable; a missing member without a default raises `ValueError`."""
-    kinds = _field_types(typing.cast("Hashable", cls))
-    known = {name: _typed(kinds[name], data[name]) for name in kinds if name in data}
-    try:
-        return cls(**known)
-    except TypeError as error:
-        raise ValueError(f"{cls.__name__}: {error}") from error
+    made: T = _reader(typing.cast("Hashable", cls))(data)
+    return made
 
 
 def json_schema(cls: type) -> dict[str, Any]:
@@ -73,33 +73,81 @@ def _field_types(cls: Any) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 
+@cache
+def _field_names(cls: Any) -> tuple[str, ...]:
+    assert dataclasses.is_dataclass(cls), cls
+    return tuple(field.name for field in dataclasses.fields(cls))
+
+
 def _plain(value: object) -> Any:
-    if dataclasses.is_dataclass(value):
-        return to_dict(value)
+    if value.__class__ in _ATOMS:
+        return value
+    if isinstance(value, tuple | list):
+        return [item if item.__class__ in _ATOMS else _plain(item) for item in value]
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    return value
+    return to_dict(value) if dataclasses.is_dataclass(value) else value
 
 
-def _typed(kind: Any, value: Any) -> Any:
+@cache
+def _reader(cls: Any) -> Read:
+    """What makes an instance of the dataclass `cls` of a dict: the types are looked at here, once, and not for each value."""
+    readers = {name: _reader_of(kind) for name, kind in _field_types(cls).items()}
+    names = tuple(readers)
+    typed = tuple((name, read) for name, read in readers.items() if read is not None)
+
+    def read_instance(data: Any) -> Any:
+        known = {name: data[name] for name in names if name in data}
+        for name, read in typed:
+            if name in known:
+                known[name] = read(known[name])
+        try:
+            return cls(**known)
+        except TypeError as error:
+            raise ValueError(f"{cls.__name__}: {error}") from error
+
+    return read_instance
+
+
+def _reader_of(kind: Any) -> Read | None:
+    """What makes a value of the type `kind` of plain JSON; None where that is the same."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (types.UnionType, typing.Union):
-        if value is None:
-            return None
         (kind,) = (argument for argument in arguments if argument is not type(None))
-        return _typed(kind, value)
+        read = _reader_of(kind)
+        return None if read is None else _optional(read)
     if origin is tuple:
         if len(arguments) == 2 and arguments[1] is Ellipsis:
-            return tuple(_typed(arguments[0], item) for item in value)
-        return tuple(_typed(argument, item) for argument, item in zip(arguments, value, strict=True))
+            return _row(_reader_of(arguments[0]))
+        return _fixed_row([_reader_of(argument) for argument in arguments])
     if dataclasses.is_dataclass(kind):
-        assert isinstance(kind, type)
-        return from_dict(kind, value)
+        return _reader(typing.cast("Hashable", kind))
     if isinstance(kind, type) and issubclass(kind, Enum):
-        return kind(value)
-    return float(value) if kind is float else value
+        return kind
+    return float if kind is float else None
+
+
+def _optional(read: Read) -> Read:
+    return lambda value: None if value is None else read(value)
+
+
+def _row(read: Read | None) -> Read:
+    """Of a tuple of any length, all of one type."""
+    return tuple if read is None else lambda value: tuple(map(read, value))
+
+
+def _fixed_row(reads: Sequence[Read | None]) -> Read:
+    """Of a tuple with a type for each place. Raises `ValueError` where there are more or fewer items than places."""
+    if all(read is float for read in reads):
+        count = len(reads)
+
+        def floats(value: Any) -> tuple[float, ...]:
+            if len(value) != count:
+                raise ValueError(f"{len(value)} numbers where {count} are wanted")
+            return tuple(map(float, value))
+
+        return floats
+    return lambda value: tuple(item if read is None else read(item) for read, item in zip(reads, value, strict=True))
 
 
 def _schema_of(kind: Any) -> dict[str, Any]:
