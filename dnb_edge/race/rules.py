@@ -1,14 +1,18 @@
 """The rules of a race, as a user can set them: what makes a lap, how a race starts and ends, who wins, what offences cost.
 
-Knows numbers, words and their limits, nothing else. Everything here goes into the recording and, under its own section's name,
-into the configuration.
+Knows numbers, words, their limits and which of them contradict one another, nothing else. Everything here goes into the
+recording and, under its own section's name, into the configuration.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from dnb_edge.values import IncidentKind
 
@@ -179,14 +183,23 @@ class PenaltyRules:
     """What each kind of incident costs."""
 
     off_track: Effect = Effect(invalid=True)
+    """Outside the lane by more than `race.off_lane_margin_m` for longer than `race.off_lane_s`."""
     wrong_way: Effect = Effect()
+    """Against the route for more than `race.wrong_way_m`."""
     short_cut: Effect = Effect(invalid=True)
+    """Further along the route than was driven, by more than `race.short_cut_m`."""
     stalled: Effect = Effect()
+    """Standing for `race.stalled_s`."""
     lost: Effect = Effect(invalid=True)
+    """Unseen for longer than `race.max_gap_s`."""
     lifted: Effect = Effect(invalid=True)
+    """Come back more than `race.lifted_m` from where it can have driven."""
     jump_start: Effect = Effect(invalid=True)
+    """Moved by more than `start.jump_m` before the start; it is charged to the first lap."""
     too_slow: Effect = Effect(invalid=True)
+    """A lap that took longer than `race.max_lap_s`."""
     missed_line: Effect = Effect(invalid=True)
+    """A sector line, or the start line, that was not crossed in its turn."""
 
     def of(self, kind: IncidentKind) -> Effect:
         """What an incident of `kind` costs."""
@@ -204,3 +217,55 @@ class CarSetup:
     """Number of its roof marker."""
     colour_bgr: tuple[float, float, float] | None = None
     """Its colour, 0..255 each."""
+
+
+_LIMITED = (Ranking.TOTAL_TIME, Ranking.MOST_LAPS)
+_OF_SEVERAL = (Ranking.BEST_CONSECUTIVE, Ranking.BEST_AVERAGE)
+_GRID_ONLY = ("grid_m", "still_s", "countdown_s", "random_s", "jump_m")
+
+
+def check_together(*, laps: LapRules, start: StartRules, format: FormatRules, penalties: PenaltyRules) -> None:  # noqa: A002
+    """Raises `ValueError`, a line that opens with the key, where rules that are right one by one contradict one another."""
+    ranking, wanted = format.rank_by, laps.laps
+    if ranking in _LIMITED and wanted is None and format.time_limit_s is None:
+        raise ValueError(
+            f"format.rank_by: {ranking.value} needs an end to the race: set race.laps or format.time_limit_s"
+        )
+    if ranking is Ranking.DRIVING_SCORE and wanted is None:
+        raise ValueError("format.rank_by: driving_score is a share of the wanted laps: set race.laps")
+    if ranking is Ranking.SURVIVAL and not any(penalties.of(kind).dnf for kind in IncidentKind):
+        raise ValueError("format.rank_by: survival needs something to survive: set dnf: true for a kind in penalties")
+    if wanted is not None and format.warm_up_laps >= wanted:
+        raise ValueError(
+            f"format.warm_up_laps: {format.warm_up_laps} leaves none of race.laps, {wanted}, to be ranked: set fewer"
+        )
+    ranked = None if wanted is None else wanted - format.warm_up_laps
+    if ranking in _OF_SEVERAL and ranked is not None and format.best_of > ranked:
+        raise ValueError(f"format.best_of: only {ranked} laps are ranked: set at most as many, or more race.laps")
+    if start.mode is StartMode.ROLLING:
+        standard = StartRules()
+        for name in _GRID_ONLY:
+            if getattr(start, name) != getattr(standard, name):
+                raise ValueError(
+                    f"start.{name}: a rolling start has no grid and no countdown: set start.mode: grid, or leave it out"
+                )
+
+
+def rules_digest(sections: Mapping[str, Mapping[str, Any]]) -> str:
+    """Twelve hexadecimal digits that stand for a set of rules: equal rules have equal ones.
+
+    `sections` are the rules as plain JSON types by section (`race`, `start`, `format`, `penalties`, `score`). Order and the
+    spelling of numbers (3 or 3.0) do not matter. Raises `ValueError` for a number that is none.
+    """
+    text = json.dumps(_canonical(sections), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _canonical(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _canonical(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(item) for item in value]
+    if isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value
