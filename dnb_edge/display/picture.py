@@ -15,7 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from dnb_edge import values
-from dnb_edge.display.state import BoardState, Phase, laps_since
+from dnb_edge.display.car_board import Phase
+from dnb_edge.display.standings_table import LEAST_CARS, standings_table
+from dnb_edge.display.state import BoardState, news_since
 
 MAX_WIDTH = 100
 ROWS_BESIDE_LAPS = 16
@@ -64,7 +66,7 @@ class _Board:
         rows = max(2, min(8, console.height - ROWS_BESIDE_LAPS))
         state = self.state
         yield Panel(
-            Group(_headline(state), Text(), _lap_table(state, rows), Text(), _health(state)),
+            Group(_headline(state), Text(), _table(state, rows), Text(), _health(state)),
             title=_title(state),
             title_align="left",
             subtitle="dnb-edge",
@@ -81,7 +83,9 @@ def picture(state: BoardState) -> RenderableType:
 
 
 def headline_text(state: BoardState) -> str:
-    """What stands in large digits: the running lap in tenths; the last lap while flashing and once the run is over."""
+    """What stands in large digits: the countdown; the running lap in tenths; the last lap while flashing and after the run."""
+    if state.counting_down and state.race is not None:
+        return "--.-" if state.race.countdown_s is None else f"{state.race.countdown_s:.0f}"
     if state.last_lap is not None and (state.flashing or state.phase is Phase.FINISHED):
         return f"{state.last_lap.time_s:.3f}"[:HEADLINE_CHARS]
     return "--.-" if state.running_s is None else f"{state.running_s:.1f}"
@@ -95,6 +99,8 @@ def seconds(time_s: float, sigma_s: float) -> str:
 def lap_line(lap: values.Lap) -> str:
     """The line printed for a complete lap, such as `lap 2  12.483 s +- 2 ms  similarity 95.8 %`."""
     parts = [f"lap {lap.number}", seconds(lap.time_s, lap.sigma_s)]
+    if lap.penalty_s > 0:
+        parts.append(f"+{lap.penalty_s:.3f} s penalty")
     if lap.similarity_percent is not None:
         parts.append(f"similarity {lap.similarity_percent:.1f} %")
     if not lap.valid:
@@ -106,9 +112,12 @@ def lap_line(lap: values.Lap) -> str:
 
 def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
     """What has happened between two boards, a line each: phases, laps and new warnings."""
-    lines = [lap_line(lap) for lap in laps_since(earlier, later)]
+    several = len(later.cars) > 1
+    lines = [_news_line(one, several=several) for one in news_since(earlier, later)]
     if earlier is None or earlier.phase is not later.phase:
         lines.append("the car crosses the start line, lap 1 begins" if later.lap_number == 1 else later.state_line)
+    if later.race is not None and (earlier is None or earlier.race != later.race) and later.race.text:
+        lines.append(later.race.text)
     known = () if earlier is None or earlier.health is None else earlier.health.warnings
     warnings = () if later.health is None else later.health.warnings
     notes = () if later.health is None else later.health.notes
@@ -118,6 +127,11 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
         *(f"warning: {warning}" for warning in warnings if warning not in known),
         *(f"note: {note}" for note in notes if note not in noted),
     ]
+
+
+def _news_line(news: values.Lap | values.Incident, *, several: bool) -> str:
+    line = lap_line(news) if isinstance(news, values.Lap) else news.text
+    return f"car {news.car}  {line}" if several else line
 
 
 def _title(state: BoardState) -> Text:
@@ -138,7 +152,7 @@ def _headline(state: BoardState) -> RenderableType:
             Text("-" if lap is None else f"{lap.time_s:.3f} s", style=style, justify="right"),
             Text("" if lap is None else f"lap {lap.number}", style="dim"),
         )
-        facts.add_row()
+        facts.add_row(*_comparison(state) if name == "last" else _so_far(state))
     last = state.last_lap
     score = "-" if last is None or last.similarity_percent is None else f"{last.similarity_percent:.1f} %"
     facts.add_row(Text("score", style="dim"), Text(score, style="bold", justify="right"))
@@ -150,8 +164,32 @@ def _headline(state: BoardState) -> RenderableType:
     return grid
 
 
+def _comparison(state: BoardState) -> tuple[Text, ...]:
+    """The running lap against the best one at the same place; nothing before there is one."""
+    running = state.shown.running
+    if running is None or running.delta_s is None:
+        return ()
+    style = "green" if running.delta_s < 0 else "yellow"
+    return Text("delta", style="dim"), Text(f"{running.delta_s:+.2f} s", style=style, justify="right")
+
+
+def _so_far(state: BoardState) -> tuple[Text, ...]:
+    """The path similarity of the running lap so far."""
+    running = state.shown.running
+    if running is None or running.similarity_percent is None:
+        return ()
+    return Text("now", style="dim"), Text(f"{running.similarity_percent:.1f} %", justify="right")
+
+
 def _flash_style(state: BoardState) -> str:
     return "bold red" if state.last_lap is not None and not state.last_lap.valid else "bold green"
+
+
+def _table(state: BoardState, rows: int) -> RenderableType:
+    """The laps of the only car, or the standings of several."""
+    if state.standings is not None and len(state.standings.rows) >= LEAST_CARS:
+        return standings_table(state.standings, rows)
+    return _lap_table(state, rows)
 
 
 def _lap_table(state: BoardState, rows: int) -> RenderableType:
@@ -167,7 +205,8 @@ def _lap_table(state: BoardState, rows: int) -> RenderableType:
         score = "-" if lap.similarity_percent is None else f"{lap.similarity_percent:.1f} %"
         # Text, never markup: a reason may hold brackets.
         suspect = [f"suspect: {text}" for text in lap.suspect]
-        remark = Text("; ".join([*suspect, *(["best"] if best else lap.reasons)]))
+        penalty = [f"+{lap.penalty_s:.1f} s"] if lap.penalty_s > 0 else []
+        remark = Text("; ".join([*suspect, *penalty, *(["best"] if best else lap.reasons)]))
         sigma = f"{max(1, round(lap.sigma_s * 1000))} ms"
         style = "red" if not lap.valid or lap.suspect else "bold green" if best else ""
         table.add_row(str(lap.number), f"{lap.time_s:.3f} s", sigma, score, remark, style=style)

@@ -13,10 +13,21 @@ from __future__ import annotations
 import functools
 import operator
 import re
-import unicodedata
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, Self
 
+from dnb_edge.display.protocol_race import Car, CarLap, Count, Go, Grid, Live, Penalty, Place
+from dnb_edge.display.protocol_words import (
+    INT,
+    SECONDS,
+    TENTHS,
+    TEXT,
+    maybe_float,
+    maybe_int,
+    plain,
+    seconds,
+    tenths,
+)
 from dnb_edge.errors import InputError
 
 VERSION = 1
@@ -24,12 +35,6 @@ BAUD = 115200
 MAX_LINE_BYTES = 80
 """Longest line, checksum and CR LF included."""
 MAX_BODY_CHARS = MAX_LINE_BYTES - len(" *00\r\n")
-
-# Numbers are bounded so that 32 bits hold them in milliseconds on a microcontroller; no leading zeros, no signs.
-_INT = r"(0|[1-9][0-9]{0,5})"
-_SECONDS = r"((?:0|[1-9][0-9]{0,5})\.[0-9]{3})"
-_TENTHS = r"((?:0|[1-9][0-9]{0,5})\.[0-9]|-)"
-_TEXT = r"([!-)+-~]+(?: [!-)+-~]+)*)"
 
 
 class Message(Protocol):
@@ -52,7 +57,7 @@ class Message(Protocol):
 class Hello:
     """First line of every repaint: who speaks, and in which version of the protocol."""
 
-    PATTERN: ClassVar = re.compile(rf"HELLO DNB-EDGE {_INT}")
+    PATTERN: ClassVar = re.compile(rf"HELLO DNB-EDGE {INT}")
     version: int = VERSION
 
     def body(self) -> str:
@@ -69,7 +74,7 @@ class Hello:
 class State:
     """Where the run stands."""
 
-    PATTERN: ClassVar = re.compile(rf"STATE (?:(WAITING|OUT-LAP|FINISHED)|(LAP) {_INT}(?: OF {_INT})?)")
+    PATTERN: ClassVar = re.compile(rf"STATE (?:(WAITING|OUT-LAP|FINISHED)|(LAP) {INT}(?: OF {INT})?)")
     word: str
     """WAITING, OUT-LAP, LAP or FINISHED."""
     lap: int | None = None
@@ -85,14 +90,14 @@ class State:
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
         """The message of a match."""
-        return cls(word=found[1] or found[2], lap=_int(found[3]), laps_wanted=_int(found[4]))
+        return cls(word=found[1] or found[2], lap=maybe_int(found[3]), laps_wanted=maybe_int(found[4]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """The running lap and its time so far; both None where no lap is running."""
 
-    PATTERN: ClassVar = re.compile(rf"RUN (?:- -|{_INT} {_SECONDS})")
+    PATTERN: ClassVar = re.compile(rf"RUN (?:- -|{INT} {SECONDS})")
     lap: int | None = None
     elapsed_s: float | None = None
 
@@ -100,25 +105,25 @@ class Run:
         """`RUN 3 4.200`, `RUN - -`."""
         if self.lap is None or self.elapsed_s is None:
             return "RUN - -"
-        return f"RUN {self.lap} {_seconds(self.elapsed_s)}"
+        return f"RUN {self.lap} {seconds(self.elapsed_s)}"
 
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
         """The message of a match."""
-        return cls(lap=_int(found[1]), elapsed_s=_float(found[2]))
+        return cls(lap=maybe_int(found[1]), elapsed_s=maybe_float(found[2]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cross:
     """The car has just crossed the start line. Told once, never repeated: flash on it."""
 
-    PATTERN: ClassVar = re.compile(rf"CROSS {_SECONDS}")
+    PATTERN: ClassVar = re.compile(rf"CROSS {SECONDS}")
     t_s: float
     """Seconds from the run's first frame."""
 
     def body(self) -> str:
         """`CROSS 31.250`."""
-        return f"CROSS {_seconds(self.t_s)}"
+        return f"CROSS {seconds(self.t_s)}"
 
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
@@ -130,7 +135,7 @@ class Cross:
 class Lap:
     """A complete lap."""
 
-    PATTERN: ClassVar = re.compile(rf"LAP {_INT} {_SECONDS} \+-{_SECONDS} (OK|BAD) {_TENTHS}")
+    PATTERN: ClassVar = re.compile(rf"LAP {INT} {SECONDS} \+-{SECONDS} (OK|BAD) {TENTHS}")
     lap: int
     time_s: float
     sigma_s: float
@@ -140,8 +145,8 @@ class Lap:
     def body(self) -> str:
         """`LAP 2 12.483 +-0.002 OK 95.8`."""
         verdict = "OK" if self.valid else "BAD"
-        similarity = _tenths(self.similarity_percent)
-        return f"LAP {self.lap} {_seconds(self.time_s)} +-{_seconds(self.sigma_s)} {verdict} {similarity}"
+        similarity = tenths(self.similarity_percent)
+        return f"LAP {self.lap} {seconds(self.time_s)} +-{seconds(self.sigma_s)} {verdict} {similarity}"
 
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
@@ -151,7 +156,7 @@ class Lap:
             time_s=float(found[2]),
             sigma_s=float(found[3]),
             valid=found[4] == "OK",
-            similarity_percent=_float(found[5]),
+            similarity_percent=maybe_float(found[5]),
         )
 
 
@@ -159,7 +164,7 @@ class Lap:
 class Why:
     """One reason why a lap is not valid."""
 
-    PATTERN: ClassVar = re.compile(rf"WHY {_INT} {_TEXT}")
+    PATTERN: ClassVar = re.compile(rf"WHY {INT} {TEXT}")
     lap: int
     text: str
 
@@ -177,7 +182,7 @@ class Why:
 class Suspect:
     """Why a lap's numbers may be wrong though it is valid: the camera had moved."""
 
-    PATTERN: ClassVar = re.compile(rf"SUSPECT {_INT} {_TEXT}")
+    PATTERN: ClassVar = re.compile(rf"SUSPECT {INT} {TEXT}")
     lap: int
     text: str
 
@@ -195,13 +200,13 @@ class Suspect:
 class Best:
     """The fastest valid lap."""
 
-    PATTERN: ClassVar = re.compile(rf"BEST {_INT} {_SECONDS}")
+    PATTERN: ClassVar = re.compile(rf"BEST {INT} {SECONDS}")
     lap: int
     time_s: float
 
     def body(self) -> str:
         """`BEST 2 12.483`."""
-        return f"BEST {self.lap} {_seconds(self.time_s)}"
+        return f"BEST {self.lap} {seconds(self.time_s)}"
 
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
@@ -213,7 +218,7 @@ class Best:
 class Health:
     """How the appliance is doing."""
 
-    PATTERN: ClassVar = re.compile(rf"HEALTH FPS {_TENTHS} REC (NONE|RECORDING|FAILED) WARNINGS {_INT}")
+    PATTERN: ClassVar = re.compile(rf"HEALTH FPS {TENTHS} REC (NONE|RECORDING|FAILED) WARNINGS {INT}")
     fps: float | None
     recording: str
     """NONE, RECORDING or FAILED."""
@@ -222,19 +227,19 @@ class Health:
 
     def body(self) -> str:
         """`HEALTH FPS 29.9 REC RECORDING WARNINGS 1`."""
-        return f"HEALTH FPS {_tenths(self.fps)} REC {self.recording} WARNINGS {self.warnings}"
+        return f"HEALTH FPS {tenths(self.fps)} REC {self.recording} WARNINGS {self.warnings}"
 
     @classmethod
     def read(cls, found: re.Match[str]) -> Self:
         """The message of a match."""
-        return cls(fps=_float(found[1]), recording=found[2], warnings=int(found[3]))
+        return cls(fps=maybe_float(found[1]), recording=found[2], warnings=int(found[3]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Warn:
     """One warning, counted from 1."""
 
-    PATTERN: ClassVar = re.compile(rf"WARN {_INT} {_TEXT}")
+    PATTERN: ClassVar = re.compile(rf"WARN {INT} {TEXT}")
     number: int
     text: str
 
@@ -248,7 +253,26 @@ class Warn:
         return cls(number=int(found[1]), text=found[2])
 
 
-MESSAGES: tuple[type[Message], ...] = (Hello, State, Run, Cross, Lap, Why, Suspect, Best, Health, Warn)
+MESSAGES: tuple[type[Message], ...] = (
+    Hello,
+    Car,
+    State,
+    Grid,
+    Count,
+    Go,
+    Run,
+    Cross,
+    Lap,
+    Penalty,
+    Why,
+    Suspect,
+    Best,
+    CarLap,
+    Place,
+    Live,
+    Health,
+    Warn,
+)
 """Every kind of message of this version."""
 
 
@@ -280,30 +304,3 @@ def parse_line(line: bytes) -> Message:
 def checksum(body: bytes) -> int:
     """Exclusive-or of all bytes of `body`, 0..255."""
     return functools.reduce(operator.xor, body, 0)
-
-
-def plain(text: str) -> str:
-    """`text` in printable ASCII without `*`, in words parted by single spaces.
-
-    Accents are dropped, anything else becomes `?`, and nothing at all a hyphen.
-    """
-    bare = unicodedata.normalize("NFKD", text.replace("±", "+-"))
-    bare = "".join(char for char in bare if not unicodedata.combining(char))
-    return re.sub(r"[^ -)+-~]", "?", " ".join(bare.split())) or "-"
-
-
-# max(0.0, value), in this order, makes 0.0 of -0.0.
-def _seconds(value: float) -> str:
-    return f"{min(max(0.0, value), 999_999.999):.3f}"
-
-
-def _tenths(value: float | None) -> str:
-    return "-" if value is None else f"{min(max(0.0, value), 999_999.9):.1f}"
-
-
-def _int(word: str | None) -> int | None:
-    return None if word is None else int(word)
-
-
-def _float(word: str | None) -> float | None:
-    return None if word in {None, "-"} else float(str(word))

@@ -1,19 +1,18 @@
 """What a board shows, as one value, and how each event changes it: a pure reducer.
 
 Knows events and their order in time. Knows no display, no clock and no file: `t_s` comes with the events, in seconds
-from the first frame of the run on the source's clock.
+from the first frame of the run on the source's clock. With several cars the large figures are those of one of them, the
+*shown* car: the one that leads.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 from dnb_edge import values
+from dnb_edge.display.car_board import LAPS_KEPT, CarBoard, Phase
 from dnb_edge.track.model import START_LINE
-
-LAPS_KEPT = 50
-"""Laps that a board remembers for its table: a day of practice must not grow without end."""
 
 FLASH_S = 1.0
 """For how long a board flashes after a crossing, seconds."""
@@ -22,71 +21,103 @@ UNSEEN_S = 2.0
 """After how long without an estimate of the car a board says that it is not seen, seconds."""
 
 
-class Phase(StrEnum):
-    """Where the run stands."""
-
-    WAITING = "waiting"
-    """No car has been confirmed yet."""
-    OUT_LAP = "out_lap"
-    """The car is on its way to its first crossing of the start line."""
-    LAP = "lap"
-    FINISHED = "finished"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardState:
     """What any display shows; cumulative, so that a display which missed states has missed nothing."""
 
     start_line: str = START_LINE
-    """Name of the line whose forward crossings begin and end laps."""
+    """Name of the line whose forward crossings begin laps."""
     laps_wanted: int | None = None
     """Laps after which the run ends; None where it has no end."""
-    phase: Phase = Phase.WAITING
     t_s: float = 0.0
     """The latest moment heard of."""
-    lap_number: int | None = None
-    """The running lap; None where no lap is running."""
-    lap_start_s: float | None = None
-    """Start of the running lap; None where no lap is running."""
-    laps: tuple[values.Lap, ...] = ()
-    """The last `LAPS_KEPT` laps, oldest first."""
-    best_lap: values.Lap | None = None
-    """The fastest valid lap of the whole run, of equals the earliest."""
-    crossed_s: float | None = None
-    """The latest forward crossing of the start line."""
-    seen_s: float | None = None
-    """When the car was last estimated from a detection."""
+    cars: tuple[CarBoard, ...] = (CarBoard(),)
+    """In the order of their numbers; never empty."""
+    shown_car: int = 1
+    """Number of the car whose figures stand in front."""
+    race: values.RaceState | None = None
+    standings: values.Standings | None = None
+    told: tuple[values.Lap | values.Incident, ...] = ()
+    """The latest laps and incidents of all cars, oldest first."""
+    told_count: int = 0
+    """How many there were in all."""
     health: values.Health | None = None
 
     @property
+    def shown(self) -> CarBoard:
+        """The car in front."""
+        return next((car for car in self.cars if car.car == self.shown_car), self.cars[0])
+
+    @property
+    def phase(self) -> Phase:
+        """Where the shown car's run stands."""
+        return self.shown.phase
+
+    @property
+    def lap_number(self) -> int | None:
+        """The shown car's running lap; None where none is running."""
+        return self.shown.lap_number
+
+    @property
+    def lap_start_s(self) -> float | None:
+        """Start of the shown car's running lap; None where none is running."""
+        return self.shown.lap_start_s
+
+    @property
+    def laps(self) -> tuple[values.Lap, ...]:
+        """The shown car's latest laps, oldest first."""
+        return self.shown.laps
+
+    @property
+    def best_lap(self) -> values.Lap | None:
+        """The shown car's fastest valid lap."""
+        return self.shown.best_lap
+
+    @property
     def last_lap(self) -> values.Lap | None:
-        """The latest complete lap."""
-        return self.laps[-1] if self.laps else None
+        """The shown car's latest complete lap."""
+        return self.shown.last_lap
 
     @property
     def laps_done(self) -> int:
-        """Number of complete laps, those no longer in `laps` included."""
-        return self.laps[-1].number if self.laps else 0
+        """Number of the shown car's complete laps."""
+        return self.shown.laps_done
+
+    @property
+    def crossed_s(self) -> float | None:
+        """When the shown car last crossed the start line forward."""
+        return self.shown.crossed_s
 
     @property
     def running_s(self) -> float | None:
-        """Time of the running lap so far; None where no lap is running."""
+        """Time of the shown car's running lap so far; None where no lap is running."""
         return None if self.lap_start_s is None else max(0.0, self.t_s - self.lap_start_s)
 
     @property
     def flashing(self) -> bool:
-        """True for `FLASH_S` after a crossing."""
+        """True for `FLASH_S` after a crossing of the shown car."""
         return self.crossed_s is not None and self.t_s - self.crossed_s < FLASH_S
 
     @property
     def unseen(self) -> bool:
-        """True where a run is on and the car has not been seen for `UNSEEN_S`."""
-        on_track = self.phase in {Phase.OUT_LAP, Phase.LAP}
-        return on_track and self.seen_s is not None and self.t_s - self.seen_s > UNSEEN_S
+        """True where a run is on and the shown car has not been seen for `UNSEEN_S`."""
+        on_track, seen_s = self.phase in {Phase.OUT_LAP, Phase.LAP}, self.shown.seen_s
+        return on_track and seen_s is not None and self.t_s - seen_s > UNSEEN_S
+
+    @property
+    def counting_down(self) -> bool:
+        """True while a countdown runs."""
+        return self.race is not None and self.race.phase is values.RacePhase.COUNTDOWN
 
     @property
     def state_line(self) -> str:
         """The run in a few words, such as `lap 2 of 3`."""
+        race = self.race
+        if race is not None and race.phase in {values.RacePhase.WAITING, values.RacePhase.COUNTDOWN}:
+            if self.counting_down:
+                return "countdown" if race.countdown_s is None else f"countdown, {race.countdown_s:.0f} s"
+            if race.text:
+                return race.text
         match self.phase:
             case Phase.WAITING:
                 return "waiting for the car"
@@ -94,7 +125,8 @@ class BoardState:
                 return "out lap"
             case Phase.LAP:
                 wanted = "" if self.laps_wanted is None else f" of {self.laps_wanted}"
-                return f"lap {self.lap_number}{wanted}"
+                late = ", the time is up" if race is not None and race.phase is values.RacePhase.GRACE else ""
+                return f"lap {self.lap_number}{wanted}{late}"
             case Phase.FINISHED:
                 return "finished"
 
@@ -105,47 +137,72 @@ class BoardState:
     def after(self, event: values.Event) -> BoardState:
         """The board once `event` has happened. A lap and the crossing that ends it may come in either order."""
         match event:
-            case values.Target(state=values.TargetState.CONFIRMED):
-                changed = self._seen(event.t_s)
-            case values.Crossing(direction=values.Direction.FORWARD) if event.line == self.start_line:
-                changed = self._crossed(event.t_s)
-            case values.Lap():
-                changed = self._lapped(event)
-            case values.Health():
-                changed = replace(self.at(event.t_s), health=event)
+            case values.Lap() | values.Incident():
+                changed = self._happened(event)
+            case values.RaceState() | values.Standings() | values.Health():
+                changed = self._stands(event)
             case values.RunSummary():
-                changed = _finished(self)
-            case values.Observation() | values.Target() | values.Crossing():
-                changed = self.at(event.t_s)
-            case values.Score() | values.Incident() | values.Running() | values.RaceState() | values.Standings():
+                changed = replace(self, cars=tuple(car.finished() for car in self.cars))
+            case values.Score():
                 changed = self
+            case _:
+                changed = self.at(event.t_s)._moved(event)  # noqa: SLF001 its own kind
         return changed
 
-    def _seen(self, t_s: float) -> BoardState:
-        phase = Phase.OUT_LAP if self.phase is Phase.WAITING else self.phase
-        return replace(self.at(t_s), phase=phase, seen_s=t_s)
+    def _moved(self, event: values.Observation | values.Target | values.Crossing | values.Running) -> BoardState:
+        match event:
+            case values.Target(state=values.TargetState.CONFIRMED):
+                return self._seen(event)
+            case values.Crossing(direction=values.Direction.FORWARD) if event.line == self.start_line:
+                return self._with(event.car, lambda car: car.crossed(event))
+            case values.Running():
+                return self._with(event.car, lambda car: replace(car, running=event))
+            case _:
+                return self
 
-    def _crossed(self, t_s: float) -> BoardState:
-        crossed = replace(self.at(t_s), crossed_s=t_s)
-        if self.phase in {Phase.WAITING, Phase.OUT_LAP}:
-            return replace(crossed, phase=Phase.LAP, lap_number=1, lap_start_s=t_s)
-        # A running lap is ended by its Lap alone: the rules may have refused this crossing (minimum lap).
-        return crossed
+    def _happened(self, event: values.Lap | values.Incident) -> BoardState:
+        lasted_s = event.time_s if isinstance(event, values.Lap) else event.lasted_s
+        told = replace(
+            self.at(event.start_s + lasted_s), told=(*self.told, event)[-LAPS_KEPT:], told_count=self.told_count + 1
+        )
+        if isinstance(event, values.Incident):
+            return told
+        return told._with(event.car, lambda car: car.lapped(event, self.laps_wanted))  # noqa: SLF001 its own kind
 
-    def _lapped(self, lap: values.Lap) -> BoardState:
-        end_s = lap.start_s + lap.time_s
-        faster = lap.valid and (self.best_lap is None or lap.time_s < self.best_lap.time_s)
-        lapped = replace(self.at(end_s), laps=(*self.laps, lap)[-LAPS_KEPT:], best_lap=lap if faster else self.best_lap)
-        if self.phase is Phase.FINISHED or (self.laps_wanted is not None and lap.number >= self.laps_wanted):
-            return _finished(lapped)
-        return replace(lapped, phase=Phase.LAP, lap_number=lap.number + 1, lap_start_s=end_s)
+    def _stands(self, event: values.RaceState | values.Standings | values.Health) -> BoardState:
+        later = self.at(event.t_s)
+        match event:
+            case values.RaceState():
+                return replace(later, race=event)
+            case values.Health():
+                return replace(later, health=event)
+            case values.Standings():
+                leader = event.rows[0].car if event.rows else self.shown_car
+                return replace(later, standings=event, shown_car=leader)
+
+    def _seen(self, target: values.Target) -> BoardState:
+        """A target belongs to the car that was last told under its number; before any crossing, to the shown one."""
+        known = [car.car for car in self.cars if car.target_id == target.target_id]
+        if known:
+            return self._with(known[0], lambda car: car.seen(target.t_s))
+        if self.shown.target_id is None or len(self.cars) == 1:
+            return self._with(self.shown.car, lambda car: car.seen(target.t_s))
+        return self
+
+    def _with(self, number: int, change: Callable[[CarBoard], CarBoard]) -> BoardState:
+        """With one car changed; a car that was not known before joins the others."""
+        if any(car.car == number for car in self.cars):
+            return replace(self, cars=tuple(change(car) if car.car == number else car for car in self.cars))
+        cars = sorted([*self.cars, change(CarBoard(car=number))], key=lambda car: car.car)
+        return replace(self, cars=tuple(cars))
 
 
-def _finished(state: BoardState) -> BoardState:
-    return replace(state, phase=Phase.FINISHED, lap_number=None, lap_start_s=None)
+def news_since(earlier: BoardState | None, later: BoardState) -> tuple[values.Lap | values.Incident, ...]:
+    """The laps and incidents of all cars that `later` knows and `earlier` does not, oldest first, as far as they are kept."""
+    missed = later.told_count if earlier is None else max(0, later.told_count - earlier.told_count)
+    return later.told[len(later.told) - min(missed, len(later.told)) :]
 
 
 def laps_since(earlier: BoardState | None, later: BoardState) -> tuple[values.Lap, ...]:
-    """The laps that `later` knows and `earlier` does not, oldest first; all of them where there is no `earlier`."""
-    done = 0 if earlier is None else earlier.laps_done
-    return tuple(lap for lap in later.laps if lap.number > done)
+    """The laps among `news_since`."""
+    return tuple(one for one in news_since(earlier, later) if isinstance(one, values.Lap))

@@ -4,7 +4,7 @@ import os
 import select
 import time
 
-from dnb_edge.display import protocol
+from dnb_edge.display import protocol, protocol_race
 from dnb_edge.errors import InputError
 
 PATIENCE_S = 10.0
@@ -76,6 +76,11 @@ class Firmware:
             "health": None,
             "warnings": [],
             "run": None,
+            "race": None,
+            "car": None,
+            "live": None,
+            "places": [],
+            "penalties": {},
         }
 
     def hear(self, data):
@@ -117,3 +122,20 @@ class Firmware:
                     name: value.copy() if isinstance(value, dict | list) else value
                     for name, value in self._next.items()
                 }
+            case _:
+                self._obey_race(message)
+
+    def _obey_race(self, message):
+        match message:
+            case protocol_race.Car():
+                self._next["car"] = message
+            case protocol_race.Grid() | protocol_race.Count() | protocol_race.Go():
+                self._next["race"] = message
+            case protocol_race.Live():
+                none = message.delta_s is None and message.similarity_percent is None
+                self._next["live"] = None if none else message
+            case protocol_race.Place():
+                others = [one for one in self._next["places"] if one.car != message.car]
+                self._next["places"] = sorted([*others, message], key=lambda one: (one.place, one.car))
+            case protocol_race.Penalty():
+                self._next["penalties"][message.lap] = message
