@@ -40,6 +40,7 @@ MIN_HEADING_SPEED_MPS = 0.02
 _ROUTE_COLOUR = fg.Color(r=0.25, g=0.6, b=1.0, a=1.0)
 _LINE_COLOUR = fg.Color(r=1.0, g=1.0, b=1.0, a=1.0)
 _CAR_COLOUR = fg.Color(r=1.0, g=0.55, b=0.0, a=1.0)
+_GHOST_COLOUR = fg.Color(r=0.6, g=0.6, b=0.65, a=0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +116,12 @@ class RunChannels:
                     memory.pop(gone, None)
             case values.Lap():
                 self.log(_lap_text(event), t_ns, level=fg.LogLevel.Info)
+            case values.Incident():
+                self.log(f"car {event.car}: {event.text}", t_ns, level=fg.LogLevel.Warning)
+            case values.RaceState(text=text) if text:
+                self.log(text, t_ns, level=fg.LogLevel.Info)
+            case values.Running():
+                self._ghost(event)
             case values.Crossing():
                 text = f"{event.line} crossed {event.direction.value} at {event.t_s:.4f} s"
                 self.log(text, t_ns, level=fg.LogLevel.Debug)
@@ -155,6 +162,27 @@ class RunChannels:
         self._scene_due_ns[target.target_id] = target.t_ns + SCENE_PERIOD_NS
         trail.append((target.t_ns, target.track_m))
         self._scene.log(self._car(target, pose, trail), log_time=target.t_ns)
+
+    def _ghost(self, running: values.Running) -> None:
+        """Where the car was in its best lap after the same time, as a pale car that goes when it is told no more."""
+        if running.ghost_m is None:
+            return
+        length_m = self._track.car_length_m if self._track else 0.2
+        disc = fg.CylinderPrimitive(
+            pose=_pose(running.ghost_m, 0.0),
+            size=fg.Vector3(x=length_m * 0.8, y=length_m * 0.8, z=length_m * 0.1),
+            bottom_scale=1.0,
+            top_scale=1.0,
+            color=_GHOST_COLOUR,
+        )
+        entity = fg.SceneEntity(
+            timestamp=stamp(running.t_ns),
+            frame_id=TRACK_FRAME,
+            id=f"ghost/{running.car}",
+            lifetime=fg.Duration(sec=1),
+            cylinders=[disc],
+        )
+        self._scene.log(fg.SceneUpdate(entities=[entity]), log_time=running.t_ns)
 
     def _car(self, target: values.Target, pose: fg.Pose, trail: deque[tuple[int, PointM]]) -> fg.SceneUpdate:
         length_m = self._track.car_length_m if self._track else 0.2
