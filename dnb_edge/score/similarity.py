@@ -11,10 +11,16 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dnb_edge.score.distance import dtw_distance, frechet_distance
+from dnb_edge.score.distance import Headings, Programme, distances
+from dnb_edge.score.profile import Excursion, LapTrace, excursion, speeds_mps
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.values import Points, Score
+
+HEADING_ARM_M = 0.05
+"""A path's direction at a point is that from so far before to so far behind it along the path: over a car's length, so that
+neither the points' noise nor the frame rate tells in it, metres."""
 
 
 class Metric(StrEnum):
@@ -36,6 +42,12 @@ class ScoreSettings:
     """Bound on each point-to-point distance (delta in the paper), metres; None for no bound."""
     baseline_m: float = 0.5
     """The distance that scores 0 % (B in the paper), metres. With DTW it is compared with the mean distance per point."""
+    directed: bool = False
+    """Whether the direction counts: to each point-to-point distance, after the clamp, `baseline_m` * (1 - cos(theta)) / 2 is
+    added, theta being the angle between the path and the route. Driven against the route all along scores 0 %."""
+    symmetric: bool = False
+    """Whether DTW takes step pattern symmetric2, normalised by the points of both (Sakoe and Chiba, 1978), instead of
+    symmetric1 by those of the route. The Frechet distance is symmetric by itself."""
 
     def __post_init__(self) -> None:
         if self.points < 2:
@@ -64,6 +76,19 @@ def resample(points: Points, count: int) -> Points:
     return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
 
 
+def directions(points: Points) -> Points:
+    """(n, 2) unit vectors of travel at `points` (n, 2) that `resample` made, n >= 2, over `HEADING_ARM_M` to either side, or
+    what there is of it at the ends; (0, 0) where the path is back where it was.
+    """
+    spacing_m = polyline_length_m(points) / (len(points) - 1)
+    arm = max(1, round(HEADING_ARM_M / spacing_m))
+    at = np.arange(len(points))
+    chords = points[np.minimum(at + arm, len(points) - 1)] - points[np.maximum(at - arm, 0)]
+    lengths = np.hypot(chords[:, 0], chords[:, 1])[:, None]
+    units: Points = np.divide(chords, lengths, out=np.zeros_like(chords), where=lengths > 0)
+    return units
+
+
 def closed_route(centreline: Centreline) -> Points:
     """The route as a polyline (n + 1, 2) in track metres that ends where it starts, at the start line."""
     return np.vstack([centreline.points_m, centreline.points_m[:1]])
@@ -77,18 +102,21 @@ def score_lap(
     lap: int,
     completion_time_s: float,
     lap_route_m: Points | None = None,
+    trace: LapTrace | None = None,
 ) -> Score:
     """Scores the driven path `path_m`, (n, 2) track metres in driving order, from where a lap starts to where it ends.
 
     `lap_route_m`, (m, 2) track metres, is the lap's stretch of the route; None for once round it, from start line to start
-    line. Raises `ValueError` where the path has fewer than two points or no length.
+    line. `trace` is when the car was where in the lap; without it the score tells no speeds. Lateral figures are over the way
+    along the route, not over frames: see `excursion`. Raises `ValueError` where the path has fewer than two points or no
+    length.
     """
     route = closed_route(centreline) if lap_route_m is None else lap_route_m
     driven, wanted = resample(path_m, settings.points), resample(route, settings.points)
-    dtw_mean_m = dtw_distance(driven, wanted, settings.clamp_m) / settings.points
-    frechet_m = frechet_distance(driven, wanted, settings.clamp_m)
+    dtw_mean_m, frechet_m = _distances(driven, wanted, settings)
     distance_m = dtw_mean_m if settings.metric is Metric.DTW else frechet_m
-    lateral_m = np.abs(centreline.locate_path(driven)[1])
+    lateral = _lateral(driven, centreline)
+    route_length_m = polyline_length_m(route)
     return Score(
         lap=lap,
         metric=settings.metric.value,
@@ -98,11 +126,46 @@ def score_lap(
         clamp_m=settings.clamp_m,
         baseline_m=settings.baseline_m,
         completion_time_s=completion_time_s,
-        lateral_mean_m=float(lateral_m.mean()),
-        lateral_max_m=float(lateral_m.max()),
+        lateral_mean_m=lateral.mean_m,
+        lateral_max_m=lateral.greatest_m,
         path_length_m=polyline_length_m(path_m),
-        route_length_m=polyline_length_m(route),
+        route_length_m=route_length_m,
+        lateral_p95_m=lateral.p95_m,
+        lateral_max_s_m=lateral.greatest_s_m,
+        lateral_bias_m=lateral.bias_m,
+        speed_mean_mps=None if trace is None else trace.length_m / trace.time_s,
+        speed_max_mps=None if trace is None else float(np.abs(speeds_mps(trace)).max()),
     )
+
+
+def local_headings(driven: Points, wanted: Points, settings: ScoreSettings) -> Headings | None:
+    """What direction costs between the resampled points of path and route; None where it does not count."""
+    if not settings.directed:
+        return None
+    return Headings(path=directions(driven), reference=directions(wanted), cost_m=settings.baseline_m)
+
+
+def _distances(driven: Points, wanted: Points, settings: ScoreSettings) -> tuple[float, float]:
+    """(normalised DTW, Frechet) distance of the resampled paths, metres."""
+    warping = Programme.DTW_SYMMETRIC if settings.symmetric else Programme.DTW
+    dtw_m, frechet_m = distances(
+        driven,
+        wanted,
+        settings.clamp_m,
+        (warping, Programme.FRECHET),
+        headings=local_headings(driven, wanted, settings),
+    )
+    return dtw_m / (2 * settings.points if settings.symmetric else settings.points), frechet_m
+
+
+def _lateral(driven: Points, centreline: Centreline) -> Excursion:
+    """How far from the centreline the points of a path, (n, 2) track m, lie along the way that it made along the route."""
+    s_m, d_m = centreline.locate_path(driven)
+    steps = np.diff(s_m)
+    if centreline.closed:
+        steps = (steps + centreline.length_m / 2) % centreline.length_m - centreline.length_m / 2
+    way_m: NDArray[np.float64] = np.concatenate(([0.0], np.cumsum(steps)))
+    return excursion(way_m, d_m, s_m=s_m)
 
 
 def polyline_length_m(points: Points) -> float:
