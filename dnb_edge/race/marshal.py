@@ -1,0 +1,373 @@
+"""Laps after a judge's edits: what counts, what was taken away, what changed each, and which edits find nothing any more.
+
+Pure: the same laps and edits give the same result, and the laps that the race made are never changed. Knows laps, crossings
+and edits; knows no file and no path similarity (a lap that a judge made has none until its path is scored).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from dnb_edge.errors import InputError
+from dnb_edge.race.crossing import lap_sigma_s
+from dnb_edge.race.edit import JUDGE, Action, AddedLap, Edit, LapKey, undone
+from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
+
+SAME_LAP = 0.5
+"""Laps that share more of their time than this are the same lap. Laps of a car do not overlap, so at most one does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarshalledLap:
+    """One lap as it counts, and how it became so."""
+
+    lap: Lap
+    raw: tuple[Lap, ...]
+    """The race's own laps in it: one, two or more where they were merged, none where a judge added it."""
+    edits: tuple[Edit, ...] = ()
+    """What was decided about it, in order; empty where nothing was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """Something to say about an edit."""
+
+    edit: Edit
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Marshalled:
+    """The laps of a run after the edits."""
+
+    laps: tuple[MarshalledLap, ...]
+    """In the order in which they ended. A number never changes hands: it may be missing (removed, merged) or late (added)."""
+    removed: tuple[MarshalledLap, ...] = ()
+    """Laps that were taken away, as they were before; their last edit is the removal."""
+    notes: tuple[Edit, ...] = ()
+    """Notes about the whole run."""
+    undone: tuple[Edit, ...] = ()
+    """Edits that were taken back."""
+    without_effect: tuple[Told, ...] = ()
+    """Edits that find no lap any more, or nothing to do, under these rules and lines, and why."""
+    moved: tuple[Told, ...] = ()
+    """Edits whose lap has another start or end now than when they were made."""
+
+    @property
+    def kept(self) -> tuple[Lap, ...]:
+        """The laps that count, without their histories."""
+        return tuple(one.lap for one in self.laps)
+
+
+def apply(laps: Sequence[Lap], edits: Sequence[Edit], crossings: Sequence[Crossing] = ()) -> Marshalled:
+    """The `laps` that the race made after `edits`, in the order of their numbers.
+
+    `crossings` are the run's: a merged or added lap takes the sigmas of its two ends and its sectors from them where they are.
+    """
+    gone = undone(edits)
+    sheet = _Sheet(laps, edits, crossings)
+    for edit in edits:
+        if edit.number not in gone:
+            fault = _DOERS[edit.action](sheet, edit)
+            if fault is not None:
+                sheet.without_effect.append(Told(edit=edit, text=fault))
+    return Marshalled(
+        laps=_official(sheet.laps),
+        removed=tuple(sorted(_official(sheet.removed), key=_in_order)),
+        notes=tuple(sheet.notes),
+        undone=tuple(edit for edit in edits if edit.number in gone),
+        without_effect=tuple(sheet.without_effect),
+        moved=tuple(sheet.moved),
+    )
+
+
+def added_to(
+    laps: Sequence[Lap], edits: Sequence[Edit], edit: Edit, crossings: Sequence[Crossing] = ()
+) -> tuple[Marshalled, Marshalled]:
+    """(before, after) one more edit. Raises `InputError` where it makes no sense now, or takes the ground from another."""
+    if edit.undoes is not None:
+        _check_undo(edits, edit.undoes)
+    before, after = apply(laps, edits, crossings), apply(laps, (*edits, edit), crossings)
+    known = {told.edit.number for told in before.without_effect}
+    for told in after.without_effect:
+        if told.edit.number == edit.number:
+            raise InputError(f"{edit.action.value} {edit.subject}: {told.text}")
+    for told in after.without_effect:
+        if told.edit.number not in known:
+            other = told.edit
+            raise InputError(f"{edit.action.value} {edit.subject}: edit {other.number} ({other.action.value} {other.subject}, "
+                             f"{other.author}) rests on it: undo that first")  # fmt: skip
+    return before, after
+
+
+def _check_undo(edits: Sequence[Edit], number: int) -> None:
+    if number not in {edit.number for edit in edits}:
+        there = f"there are 1 to {edits[-1].number}" if edits else "there is none"
+        raise InputError(f"undo edit {number}: there is no such edit, {there}")
+    if number in undone(edits):
+        raise InputError(f"undo edit {number}: it is undone already")
+
+
+class _Sheet:
+    """The laps while edits are applied to them, one after the other."""
+
+    def __init__(self, laps: Sequence[Lap], edits: Sequence[Edit], crossings: Sequence[Crossing]) -> None:
+        self.laps = sorted((MarshalledLap(lap=lap, raw=(lap,)) for lap in laps), key=_in_order)
+        self.removed: list[MarshalledLap] = []
+        self.notes: list[Edit] = []
+        self.without_effect: list[Told] = []
+        self.moved: list[Told] = []
+        self._raw = laps
+        self._crossings = sorted(crossings, key=lambda crossing: crossing.t_ns)
+        added = [edit.added.key.number for edit in edits if edit.added is not None]
+        self._highest = max([*(lap.number for lap in laps), *added], default=0)
+
+    def add(self, edit: Edit) -> str | None:
+        """A lap that the race missed; refused over one that counts."""
+        assert edit.added is not None, "the edit's own check"
+        key = edit.added.key
+        for one in self.laps:
+            lap = one.lap
+            if lap.car == key.car and lap.start_t_ns < key.end_t_ns and key.start_t_ns < lap.end_t_ns:
+                return f"{_name(lap)} is driven in the same time, from {lap.start_s:.3f} to {_end_s(lap):.3f} s"
+        number = key.number
+        if any((lap.car, lap.number) == (key.car, number) for lap in self._raw):
+            number = self._highest + edit.number
+        self._insert(MarshalledLap(lap=self._made(edit.added, number), raw=(), edits=(edit,)))
+        return None
+
+    def remove(self, edit: Edit) -> str | None:
+        """A lap that was none; it is kept apart."""
+        found = self._find(edit, edit.laps[0])
+        if isinstance(found, str):
+            return found
+        self.laps.remove(found)
+        self.removed.append(replace(found, edits=(*found.edits, edit)))
+        return None
+
+    def merge(self, edit: Edit) -> str | None:
+        """Two laps that meet at one crossing as one."""
+        first, second = (self._find(edit, key) for key in edit.laps)
+        if isinstance(first, str):
+            return first
+        if isinstance(second, str):
+            return second
+        if first.lap.end_t_ns != second.lap.start_t_ns:
+            return f"{_name(second.lap)} does not begin where lap {first.lap.number} ends"
+        self.laps.remove(first)
+        self.laps.remove(second)
+        self._insert(
+            MarshalledLap(
+                lap=self._merged(first.lap, second.lap),
+                raw=(*first.raw, *second.raw),
+                edits=(*first.edits, *second.edits, edit),
+            )
+        )
+        return None
+
+    def decide(self, edit: Edit) -> str | None:
+        """A penalty, a pardon or a note: what it means for the lap is worked out at the end."""
+        if not edit.laps:
+            self.notes.append(edit)
+            return None
+        found = self._find(edit, edit.laps[0])
+        if isinstance(found, str):
+            return found
+        if edit.action is Action.FORGIVE and (fault := _not_to_forgive(found, edit)) is not None:
+            return fault
+        self.laps[self.laps.index(found)] = replace(found, edits=(*found.edits, edit))
+        return None
+
+    def nothing(self, edit: Edit) -> str | None:  # noqa: ARG002 an undo works through what it takes back
+        """Nothing."""
+        return None
+
+    def _find(self, edit: Edit, key: LapKey) -> MarshalledLap | str:
+        """The lap that is meant, or why there is none."""
+        found = [one for one in self.laps if key.likeness(one.lap) > SAME_LAP]
+        if not found:
+            gone = [one for one in self.removed if key.likeness(one.lap) > SAME_LAP]
+            if gone:
+                remover = gone[0].edits[-1]
+                return f"{_name(gone[0].lap)} is removed (edit {remover.number}, {remover.author}: {remover.reason})"
+            return f"there is no such lap any more: none of car {key.car} has most of its time in it"
+        lap = found[0].lap
+        if (lap.start_t_ns, lap.end_t_ns) != (key.start_t_ns, key.end_t_ns):
+            shifts_s = ((lap.start_t_ns - key.start_t_ns) * 1e-9, (lap.end_t_ns - key.end_t_ns) * 1e-9)
+            text = f"{_name(lap)} begins {shifts_s[0]:+.3f} s and ends {shifts_s[1]:+.3f} s from where it did"
+            self.moved.append(Told(edit=edit, text=text))
+        return found[0]
+
+    def _insert(self, one: MarshalledLap) -> None:
+        self.laps.append(one)
+        self.laps.sort(key=_in_order)
+
+    def _made(self, added: AddedLap, number: int) -> Lap:
+        key = added.key
+        time_s = (key.end_t_ns - key.start_t_ns) * 1e-9
+        driver = min(
+            (crossing for crossing in self._crossings if crossing.car == key.car),
+            key=lambda crossing: abs(crossing.t_ns - key.end_t_ns),
+            default=None,
+        )
+        return Lap(
+            number=number,
+            start_t_ns=key.start_t_ns,
+            end_t_ns=key.end_t_ns,
+            start_s=added.start_s,
+            time_s=time_s,
+            sigma_s=added.sigma_s,
+            valid=True,
+            reasons=(),
+            similarity_percent=None,
+            observed_fraction=0.0,
+            target_id=None if driver is None else driver.target_id,
+            car=key.car,
+            official_time_s=time_s,
+        )
+
+    def _merged(self, first: Lap, second: Lap) -> Lap:
+        ends = self._at(first.start_t_ns, first.car), self._at(second.end_t_ns, first.car)
+        time_s = (second.end_t_ns - first.start_t_ns) * 1e-9
+        sigma_s, estimated = math.hypot(first.sigma_s, second.sigma_s), first.estimated or second.estimated
+        if ends[0] is not None and ends[1] is not None:
+            sigma_s = lap_sigma_s(ends[0], ends[1])
+            estimated = ends[0].estimated or ends[1].estimated
+        reasons = tuple(dict.fromkeys((*first.reasons, *second.reasons)))
+        merged = replace(
+            first,
+            end_t_ns=second.end_t_ns,
+            time_s=time_s,
+            sigma_s=sigma_s,
+            valid=not reasons,
+            reasons=reasons,
+            similarity_percent=None,
+            observed_fraction=(first.observed_fraction * first.time_s + second.observed_fraction * second.time_s)
+            / time_s,
+            target_id=second.target_id,
+            suspect=tuple(dict.fromkeys((*first.suspect, *second.suspect))),
+            sectors=self._sectors(first, second),
+            estimated=estimated,
+        )
+        return _with_penalties(merged, (*first.penalties, *second.penalties), reasons)
+
+    def _at(self, t_ns: int, car: int) -> Crossing | None:
+        return next((one for one in self._crossings if (one.t_ns, one.car) == (t_ns, car)), None)
+
+    def _sectors(self, first: Lap, second: Lap) -> tuple[SectorTime, ...]:
+        """The merged lap's sectors: each line's first forward crossing after the line before it."""
+        lines = [sector.line for sector in first.sectors[:-1]]
+        before = self._at(first.start_t_ns, first.car)
+        sectors = []
+        for number, sector in enumerate(first.sectors, start=1):
+            after = (
+                self._at(second.end_t_ns, first.car) if number > len(lines) else self._next(sector.line, first, second)
+            )
+            time_s = sigma_s = None
+            if before is not None and after is not None and before.t_ns < after.t_ns:
+                time_s = (after.t_ns - before.t_ns) * 1e-9
+                sigma_s = lap_sigma_s(before, after)
+            sectors.append(SectorTime(number=number, line=sector.line, time_s=time_s, sigma_s=sigma_s))
+            before = after
+        return tuple(sectors)
+
+    def _next(self, line: str, first: Lap, second: Lap) -> Crossing | None:
+        return next(
+            (
+                one
+                for one in self._crossings
+                if (one.line, one.car, one.direction) == (line, first.car, Direction.FORWARD)
+                and first.start_t_ns < one.t_ns < second.end_t_ns
+            ),
+            None,
+        )
+
+
+_DOERS: dict[Action, Callable[[_Sheet, Edit], str | None]] = {
+    Action.ADD: _Sheet.add,
+    Action.REMOVE: _Sheet.remove,
+    Action.MERGE: _Sheet.merge,
+    Action.PENALTY: _Sheet.decide,
+    Action.FORGIVE: _Sheet.decide,
+    Action.NOTE: _Sheet.decide,
+    Action.UNDO: _Sheet.nothing,
+}
+
+
+def _official(laps: Sequence[MarshalledLap]) -> tuple[MarshalledLap, ...]:
+    """The laps with penalties, validity and official times as the judge's decisions leave them."""
+    ends = {
+        (one.lap.car, one.lap.start_t_ns): edit
+        for one in laps
+        for edit in one.edits
+        if edit.penalty is not None and edit.penalty.dnf
+    }
+    official = []
+    for one in laps:
+        over = [edit for (car, t_ns), edit in ends.items() if car == one.lap.car and t_ns < one.lap.start_t_ns]
+        decided = replace(one, lap=_decided(one.lap, one.edits))
+        if over:
+            last = min(over, key=lambda edit: edit.number)
+            reason = f"the car's race ended before it (judge {last.author}: {last.reason})"
+            lap = replace(decided.lap, valid=False, reasons=(*decided.lap.reasons, reason))
+            decided = MarshalledLap(lap=lap, raw=one.raw, edits=(*one.edits, last))
+        official.append(decided)
+    return tuple(official)
+
+
+def _decided(lap: Lap, edits: Sequence[Edit]) -> Lap:
+    """`lap` after pardons and a judge's penalties; itself where there were none."""
+    pardons = [edit for edit in edits if edit.action is Action.FORGIVE]
+    given = [edit for edit in edits if edit.penalty is not None]
+    if not pardons and not given:
+        return lap
+    offences = {edit.offence for edit in pardons}
+    forgiven = [one for one in lap.penalties if None in offences or one.offence in offences]
+    penalties = [one for one in lap.penalties if one not in forgiven]
+    excused = {one.reason for one in forgiven}
+    reasons = [reason for reason in lap.reasons if None not in offences and reason not in excused]
+    for edit in given:
+        assert edit.penalty is not None, "chosen by it"
+        penalties.append(edit.penalty)
+        if edit.penalty.invalid:
+            reasons.append(f"{edit.reason} (judge {edit.author})")
+    return _with_penalties(lap, penalties, reasons)
+
+
+def _with_penalties(lap: Lap, penalties: Sequence[Penalty], reasons: Sequence[str]) -> Lap:
+    penalty_s = math.fsum(penalty.seconds for penalty in penalties)
+    return replace(
+        lap,
+        valid=not reasons,
+        reasons=tuple(reasons),
+        penalties=tuple(penalties),
+        penalty_s=penalty_s,
+        penalty_factor=math.prod(penalty.factor for penalty in penalties),
+        official_time_s=lap.time_s + penalty_s,
+    )
+
+
+def _not_to_forgive(one: MarshalledLap, edit: Edit) -> str | None:
+    """Why there is nothing to forgive; None where there is."""
+    lap = one.lap
+    offences = sorted({penalty.offence for penalty in lap.penalties if penalty.offence != JUDGE})
+    if edit.offence is None:
+        return None if offences or not lap.valid else f"{_name(lap)} has no penalty of the rules, and is valid"
+    if edit.offence in offences:
+        return None
+    there = f"it has {', '.join(offences)}" if offences else "it has none of the rules"
+    return f"{_name(lap)} has no penalty for {edit.offence}: {there}"
+
+
+def _in_order(one: MarshalledLap) -> tuple[int, int]:
+    return one.lap.end_t_ns, one.lap.car
+
+
+def _end_s(lap: Lap) -> float:
+    return lap.start_s + lap.time_s
+
+
+def _name(lap: Lap) -> str:
+    return f"lap {lap.number}" if lap.car == 1 else f"lap {lap.number} of car {lap.car}"
