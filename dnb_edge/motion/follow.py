@@ -195,7 +195,7 @@ class Follower:
 
     def _settle(self, targets: Sequence[Followed], t_ns: int) -> list[Followed]:
         """Ages every target, takes newcomers for missing cars, and confirms those that have earned it, most travelled first."""
-        settled = [replace(target, state=aged(target, t_ns, self._settings)) for target in targets]
+        settled = [aged(target, t_ns, self._settings) for target in targets]
         lost = [
             replace(target, doubt=None, pending=())
             for target, before in zip(settled, targets, strict=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from statistics import median
+from typing import Any
 
 from dnb_edge.motion import kalman
 from dnb_edge.motion.appearance import UNKNOWN, Appearance, Sighting
@@ -142,23 +143,28 @@ def ahead(target: Followed, t_ns: int, settings: MotionSettings) -> Followed:
 def seen(target: Followed, sighting: Sighting, *, learn: bool) -> Followed:
     """The target after its own observation; its looks are learnt only where nothing else is near."""
     observation = sighting.observation
-    estimate = kalman.update(target.estimate, observation.track_m, observation.covariance_m2)
-    alone = replace(
-        _observed(target, observation, estimate, on_lane=sighting.on_lane),
+    return _observed(
+        target,
+        observation,
+        kalman.update(target.estimate, observation.track_m, observation.covariance_m2),
+        on_lane=sighting.on_lane,
         length_px=0.7 * target.length_px + 0.3 * observation.length_px,
         length_m=0.7 * target.length_m + 0.3 * sighting.length_m,
         merged_since_t_ns=None,
+        looks=target.looks.after(sighting) if learn else target.looks,
     )
-    return replace(alone, looks=target.looks.after(sighting)) if learn else alone
 
 
 def shared(target: Followed, observation: Observation, estimate: kalman.Estimate, *, on_lane: bool) -> Followed:
     """The target after an observation of it together with others; `estimate` is what that makes of its own."""
     since = observation.t_ns if target.merged_since_t_ns is None else target.merged_since_t_ns
-    return replace(_observed(target, observation, estimate, on_lane=on_lane), merged_since_t_ns=since)
+    return _observed(target, observation, estimate, on_lane=on_lane, merged_since_t_ns=since)
 
 
-def _observed(target: Followed, observation: Observation, estimate: kalman.Estimate, *, on_lane: bool) -> Followed:
+def _observed(
+    target: Followed, observation: Observation, estimate: kalman.Estimate, *, on_lane: bool, **more: Any
+) -> Followed:
+    """The target after an observation, with the members `more` as well: each copy of it costs some microseconds."""
     tagged = replace(observation, target_id=target.target_id)
     return replace(
         target,
@@ -169,11 +175,18 @@ def _observed(target: Followed, observation: Observation, estimate: kalman.Estim
         on_lane_t_ns=observation.t_ns if on_lane else target.on_lane_t_ns,
         pending=(*target.pending[1 - PENDING_KEPT :], tagged),
         observations=target.observations + 1,
+        **more,
     )
 
 
-def aged(target: Followed, t_ns: int, settings: MotionSettings) -> TargetState:
-    """The target's state at `t_ns`, from how long it has been unseen or beside the lane."""
+def aged(target: Followed, t_ns: int, settings: MotionSettings) -> Followed:
+    """The target in its state at `t_ns`."""
+    state = _state_at(target, t_ns, settings)
+    return target if state is target.state else replace(target, state=state)
+
+
+def _state_at(target: Followed, t_ns: int, settings: MotionSettings) -> TargetState:
+    """The target's state, from how long it has been unseen or beside the lane."""
     unseen_s = (t_ns - target.last.t_ns) * 1e-9
     if (t_ns - target.on_lane_t_ns) * 1e-9 > settings.strayed_lost_after_s:
         return TargetState.LOST
