@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -39,13 +39,14 @@ from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import LapRules
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.record.header import RunHeader, software_versions
+from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import iter_frames, read_run
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.build import TrackSettings, build_track
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import Lane, LaneColour, load_twin
-from dnb_edge.values import Clock, SourceInfo
+from dnb_edge.values import Clock, EntryInfo, SourceInfo
 from dnb_edge.view.calibration import Calibration
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.ground import GroundMap
@@ -311,8 +312,12 @@ def open_recording(uri: str, path: Path) -> FrameSource:
 def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHeader:
     """What the recording says about itself: all that is needed to score it again, and where it came from."""
     monotonic = info.clock is Clock.MONOTONIC
+    entry = make_entry(config)
     return RunHeader(
-        name=config.name,
+        name=entry.name,
+        entry=entry,
+        session=config.session,
+        identity=identity_of(assembly.setup).to_dict(),
         setup={
             "core": assembly.setup.to_dict(),
             "calibration": wire.to_dict(assembly.calibration) | {"sigma_m": assembly.view_sigma_m},
@@ -323,6 +328,17 @@ def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHead
         versions=software_versions(),
         wall_offset_ns=time.time_ns() - time.monotonic_ns() if monotonic else None,
     )
+
+
+def make_entry(config: Config) -> EntryInfo:
+    """Who drives, with the hash of the checkpoint. Raises `InputError` naming the file where that cannot be read."""
+    path = config.entry.checkpoint
+    if path is None:
+        return config.driver
+    try:
+        return replace(config.driver, checkpoint_sha256=_sha256(path))
+    except OSError as error:
+        raise InputError(f"entry.checkpoint: {path} cannot be read: {error.strerror}") from error
 
 
 def _inputs(config: Config) -> list[Path]:
@@ -337,7 +353,8 @@ def _inputs(config: Config) -> list[Path]:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def plain_config(config: Config) -> dict[str, Any]:

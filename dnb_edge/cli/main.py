@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import bench, calibrate, config, demo, model, mount, results, run, runs, teach, track
+from dnb_edge.cli import bench, calibrate, config, demo, model, mount, results, run, runs, table, teach, track
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
@@ -25,7 +25,7 @@ app = typer.Typer(
 app.command("demo")(demo.demo)
 app.command("run")(run.run)
 app.command("score")(results.score)
-app.command("table")(results.table)
+app.command("table")(table.table)
 app.command("report")(results.report)
 app.command("bench")(bench.bench)
 app.command("teach")(teach.teach)

@@ -1,34 +1,22 @@
-"""`dnb-edge score`, `table` and `report`: what finished recordings say, computed again from their detections."""
+"""`dnb-edge score` and `report`: what finished recordings say, computed again from their detections."""
 
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import track
 
 from dnb_edge.cli.replayed import replay
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
 from dnb_edge.errors import InputError
 from dnb_edge.record.durable import PART_SUFFIX
-from dnb_edge.report.run import RunResult
-from dnb_edge.report.table import as_csv, as_json_lines, as_text, entry_rows
 from dnb_edge.values import Lap, RunSummary
 
 Runs = Annotated[list[Path], typer.Argument(help="Recordings (.mcap), or directories of them.", metavar="RUN...")]
-
-
-class TableFormat(StrEnum):
-    """How a table is printed."""
-
-    TEXT = "text"
-    CSV = "csv"
-    JSON = "json"
 
 
 def score(
@@ -43,7 +31,7 @@ def score(
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run."""
     console = Console(markup=False)
-    for path in _files(runs):
+    for path in recordings(runs):
         replayed = replay(path)
         sink = JsonSink(sys.stdout, observations=observations)
         if not as_json:
@@ -57,18 +45,6 @@ def score(
                 console.print(f"  {event.laps} laps in {event.frames} frames", highlight=False)
         for warning in replayed.warnings:
             Console(stderr=True, markup=False).print(f"  {warning}", highlight=False, soft_wrap=True)
-
-
-def table(
-    runs: Runs,
-    *,
-    form: Annotated[TableFormat, typer.Option("--format", help="How to print it.")] = TableFormat.TEXT,
-    as_json: Annotated[bool, typer.Option("--json", help="Short for --format json.")] = False,
-) -> None:
-    """Print the paper's Table I for any set of runs: entry, path similarity, completion time."""
-    rows = entry_rows(_results(runs))
-    write = {TableFormat.TEXT: as_text, TableFormat.CSV: as_csv, TableFormat.JSON: as_json_lines}
-    typer.echo(write[TableFormat.JSON if as_json else form](rows).rstrip("\n"))
 
 
 def report(
@@ -86,14 +62,7 @@ def make_report(run: Path, out: Path | None) -> Path:
     return write_report(replay(run).result(), out if out is not None else run.parent, file_name=f"{run.stem}.html")
 
 
-def _results(runs: list[Path]) -> list[RunResult]:
-    files = _files(runs)
-    console = Console(stderr=True)
-    shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
-    return [replay(path).result() for path in shown]
-
-
-def _files(runs: list[Path]) -> list[Path]:
+def recordings(runs: list[Path]) -> list[Path]:
     """The recordings that `runs` names, those in directories sorted by name. Raises `InputError` where there are none."""
     files: list[Path] = []
     for run in runs:

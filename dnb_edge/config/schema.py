@@ -17,6 +17,7 @@ from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import LapRules
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.lane_shade import LaneShade
+from dnb_edge.values import EntryInfo
 
 
 class CommandLineText(str):
@@ -49,6 +50,26 @@ ConfigPath = Annotated[Path, BeforeValidator(_resolve)]
 
 DataPath = Annotated[Path, BeforeValidator(_resolve_data)]
 """A path to input data; relative ones are relative to `data_dir` if that is given, else to the config file."""
+
+
+def _text(value: Any) -> Any:
+    if value is not None and not isinstance(value, str):
+        raise ValueError("must be text: write it in quotes")
+    return value
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+"""Text; what YAML takes for a number (a version 1.10, say) is refused, since its zeros are lost."""
+
+
+def _name(value: Any) -> Any:
+    if value is None or not _text(value).strip():
+        raise ValueError("is blank: say who, what or which")
+    return value
+
+
+Name = Annotated[str, BeforeValidator(_name)]
+"""Text that is not blank."""
 
 Positive = Annotated[Number, Field(gt=0)]
 Pixel = tuple[Number, Number]
@@ -232,6 +253,19 @@ class DetectorConfig(_Section):
     """The markers on the roofs, where kind is `markers`."""
 
 
+class EntryConfig(_Section):
+    """Who or what drives: a network under test, or a person."""
+
+    name: Name | None = None
+    """Name of the entry in tables; none for the top-level `name`."""
+    version: Text = ""
+    """Version of the network; entries of one name and several versions are compared."""
+    checkpoint: ConfigPath | None = None
+    """File of the network's weights: its SHA-256 goes into the recording, the file does not."""
+    notes: str = ""
+    """Anything else worth knowing; goes into the recording."""
+
+
 class CaptureConfig(_Section):
     """Where frames come from."""
 
@@ -272,8 +306,12 @@ class Config(_Section):
 
     version: Literal[1] = 1
     """Version of this format."""
-    name: str = "run"
-    """Who or what is driving: the entry's name in tables."""
+    name: Name = "run"
+    """Who or what is driving: short for `entry.name`."""
+    entry: EntryConfig = EntryConfig()
+    """Who or what is driving, with version and checkpoint."""
+    session: Name | None = None
+    """Name of the session: the runs under one track, calibration and set of rules, which are to be compared."""
     data_dir: ConfigPath | None = None
     """Folder of the input data (twin, keypoints); none for the config file's own."""
     track: TrackConfig
@@ -286,3 +324,18 @@ class Config(_Section):
     score: Scoring = Scoring()  # type: ignore[valid-type]
     record: RecordConfig = RecordConfig()
     display: DisplayConfig = DisplayConfig()
+
+    @model_validator(mode="after")
+    def _one_driver(self) -> Self:
+        own, short = self.entry.name, self.name if "name" in self.model_fields_set else None
+        if own is not None and short is not None and own != short:
+            raise ValueError(f"name is {short!r} and entry.name is {own!r}: give one of the two")
+        if own is None and short is None and self.entry != EntryConfig():
+            raise ValueError("entry has no name: say in entry.name who or what drives")
+        return self
+
+    @property
+    def driver(self) -> EntryInfo:
+        """The entry as far as the configuration tells it: without its checkpoint's hash."""
+        name = self.name if self.entry.name is None else self.entry.name
+        return EntryInfo(name=name, version=self.entry.version, notes=self.entry.notes)

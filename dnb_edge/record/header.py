@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from dnb_edge import __version__, wire
-from dnb_edge.values import SourceInfo
+from dnb_edge.values import EntryInfo, SourceInfo
 
 FORMAT = 1
 """Version of the layout that docs/recording.md describes; readers refuse a higher one."""
@@ -38,6 +38,17 @@ class RunHeader:
     """Versions of the software that took part, by name."""
     wall_offset_ns: int | None = None
     """Unix time minus the source's clock, ns, at the start of the run; None for media and simulated clocks."""
+    entry: EntryInfo | None = None
+    """The entry with all that is known of it; None in recordings from before there was more than a name. See `driver`."""
+    session: str | None = None
+    """Name of the session: the runs under one track, calibration and set of rules; None where nobody named one."""
+    identity: dict[str, str] = field(default_factory=dict)
+    """Digests of `track`, `calibration` and `rules` as the recording software computed them, for people and viewers."""
+
+    @property
+    def driver(self) -> EntryInfo:
+        """The entry, in any recording."""
+        return self.entry if self.entry is not None else EntryInfo(name=self.name)
 
     def to_json(self) -> str:
         """The attachment's text. Raises ValueError or TypeError where `setup` or `config` are not plain JSON."""
@@ -54,7 +65,12 @@ class RunHeader:
         }
         if self.wall_offset_ns is not None:
             short["wall_offset_ns"] = str(self.wall_offset_ns)
-        return short
+        told = {
+            "entry_version": self.driver.version,
+            "checkpoint_sha256": self.driver.checkpoint_sha256,
+            "session": self.session,
+        } | self.identity
+        return short | {name: text for name, text in told.items() if text}
 
 
 def header_from_json(text: str | bytes) -> RunHeader:
@@ -73,6 +89,9 @@ def header_from_json(text: str | bytes) -> RunHeader:
             source=wire.from_dict(SourceInfo, data["source"]),
             versions=dict(data["versions"]),
             wall_offset_ns=data["wall_offset_ns"],
+            entry=None if data.get("entry") is None else wire.from_dict(EntryInfo, data["entry"]),
+            session=data.get("session"),
+            identity=dict(data.get("identity", {})),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"{SETUP_NAME} is incomplete: {error}") from error

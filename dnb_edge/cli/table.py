@@ -1,0 +1,65 @@
+"""`dnb-edge table`: the paper's Table I for any set of recordings, compared under identical conditions or not at all."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from dnb_edge.cli.comparable import check_comparable
+from dnb_edge.cli.replayed import replay
+from dnb_edge.cli.results import Runs, recordings
+from dnb_edge.cli.trials import Raced, raced
+from dnb_edge.report.table import RowsBy, result_table
+from dnb_edge.report.table_files import as_csv, as_json_lines
+from dnb_edge.report.table_latex import as_latex
+from dnb_edge.report.table_text import as_text
+
+
+class TableFormat(StrEnum):
+    """How a table is printed."""
+
+    TEXT = "text"
+    CSV = "csv"
+    JSON = "json"
+    LATEX = "latex"
+
+
+_WRITERS = {
+    TableFormat.TEXT: as_text,
+    TableFormat.CSV: as_csv,
+    TableFormat.JSON: as_json_lines,
+    TableFormat.LATEX: as_latex,
+}
+
+
+def table(
+    runs: Runs,
+    *,
+    form: Annotated[TableFormat, typer.Option("--format", help="How to print it.")] = TableFormat.TEXT,
+    as_json: Annotated[bool, typer.Option("--json", help="Short for --format json.")] = False,
+    by: Annotated[RowsBy, typer.Option(help="One row for each entry, or for each run.")] = RowsBy.ENTRY,
+) -> None:
+    """Print the paper's Table I for any set of runs: entry, path similarity, completion time, and who is alike.
+
+    Runs on other tracks, in another direction or under other rules are refused. An entry's laps of all its runs are taken
+    together; where it has several, each run counts alike.
+    """
+    found = _raced(runs)
+    console = Console(stderr=True, markup=False)
+    for warning in check_comparable(found):
+        console.print(f"dnb-edge: {warning}", highlight=False, soft_wrap=True)
+    made = result_table((trial for run in found for trial in run.trials), by)
+    typer.echo(_WRITERS[TableFormat.JSON if as_json else form](made).rstrip("\n"))
+
+
+def _raced(runs: list[Path]) -> list[Raced]:
+    """Each recording once, however often it is named."""
+    files = list({path.resolve(): path for path in recordings(runs)}.values())
+    console = Console(stderr=True)
+    shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
+    return [raced(replay(path)) for path in shown]

@@ -1,0 +1,92 @@
+"""The result table for people: aligned columns of text, and under them what must be said of the figures.
+
+Knows how wide letters are on a terminal. Knows no file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.cells import cell_len
+
+from dnb_edge.report.table import EntryRow, ResultTable, printable
+
+DNF = "DNF"
+"""Did not finish: no valid lap."""
+
+NO_VALUE = "-"
+"""A figure that there is none of, in text."""
+
+INTERVALS = (
+    "[ ]: 95 % confidence interval of the mean, over the laps where an entry has one run, over its runs' means where it has "
+    "several; sd: of single laps"
+)
+
+
+def as_text(table: ResultTable) -> str:
+    """The table: figures to the right, one line an entry, then one line a note; no trailing line feed.
+
+    Spreads have columns where any entry has one, penalties where anybody got one.
+    """
+    columns = _columns(table.rows)
+    widths = [max(map(cell_len, column)) for column in columns]
+    text = [_aligned(line, widths) for line in zip(*columns, strict=True)]
+    text.insert(1, "  ".join("-" * width for width in widths))
+    notes = [printable(note) for note in table.notes]
+    if any(row.interval_over is not None for row in table.rows):
+        notes.append(INTERVALS)
+    return "\n".join([*text, "", *notes] if notes else text)
+
+
+def _columns(rows: Sequence[EntryRow]) -> list[list[str]]:
+    similarity, time = [_similarity(row) for row in rows], [_time(row) for row in rows]
+    spread = any(row.completion_time_sd_s is not None for row in rows)
+    columns = [
+        ["Entry", *(printable(row.label) for row in rows)],
+        ["Runs", *(str(row.runs) for row in rows)],
+        ["Laps", *(f"{row.valid_laps} of {row.attempted_laps}" for row in rows)],
+        ["Success", *(_figure(row.success_rate, "{:.0%}") for row in rows)],
+        ["Path similarity (%)", *similarity],
+        ["sd", *(_figure(row.similarity_sd_percent, "{:.2f}") for row in rows)] if spread else [],
+        ["Completion time (s)", *time],
+        ["sd", *(_figure(row.completion_time_sd_s, "{:.3f}") for row in rows)] if spread else [],
+        ["Best lap (s)", *(_best(row) for row in rows)],
+    ]
+    if any(row.penalties for row in rows):
+        columns.append(["Penalties", *(f"{row.penalties} (+{row.penalty_s:g} s)" for row in rows)])
+    return [column for column in columns if column]
+
+
+def _similarity(row: EntryRow) -> str:
+    if not row.finished:
+        return DNF
+    mean = _figure(row.similarity_percent, "{:.2f}")
+    return mean + _interval(row.similarity_low_percent, row.similarity_high_percent, "{:.2f}")
+
+
+def _time(row: EntryRow) -> str:
+    if not row.finished:
+        return DNF
+    mean = _figure(row.completion_time_s, "{:.3f}")
+    return mean + _interval(row.completion_time_low_s, row.completion_time_high_s, "{:.3f}")
+
+
+def _interval(low: float | None, high: float | None, form: str) -> str:
+    return "" if low is None or high is None else f" [{form.format(low)}, {form.format(high)}]"
+
+
+def _best(row: EntryRow) -> str:
+    if row.best_lap_s is None or row.best_lap_sigma_s is None:
+        return NO_VALUE
+    return f"{row.best_lap_s:.3f} +- {row.best_lap_sigma_s:.3f}"
+
+
+def _figure(value: float | None, form: str) -> str:
+    return NO_VALUE if value is None else form.format(value)
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int]) -> str:
+    name, *figures = cells
+    padded = [name + " " * (widths[0] - cell_len(name))]
+    padded += [figure.rjust(width) for figure, width in zip(figures, widths[1:], strict=True)]
+    return "  ".join(padded)
