@@ -16,12 +16,14 @@ from dnb_edge.values import (
     Crossing,
     Event,
     Health,
+    Incident,
     Lap,
     Observation,
     PointM,
     Points,
     RunSummary,
     Score,
+    Standings,
     path_points,
 )
 
@@ -40,6 +42,11 @@ class RunResult:
     crossings: tuple[Crossing, ...] = ()
     paths_m: tuple[Points, ...] = ()
     """The driven path of each lap, (n, 2), track m; (0, 2) where it was not seen."""
+    incidents: tuple[Incident, ...] = ()
+    thumbnails: Mapping[tuple[int, int], bytes] = field(default_factory=dict)
+    """JPEG pictures of incidents, by (car, number)."""
+    standings: Standings | None = None
+    """The last ones."""
     frames: int | None = None
     detected_frames: int | None = None
     recording: str | None = None
@@ -85,6 +92,8 @@ class RunResult:
             laps=laps,
             scores=tuple(event for event in kept if isinstance(event, Score)),
             crossings=crossings,
+            incidents=tuple(event for event in kept if isinstance(event, Incident)),
+            standings=next((event for event in reversed(kept) if isinstance(event, Standings)), None),
             paths_m=lap_paths(laps, observations, crossings),
             **(gathered | facts),
         )

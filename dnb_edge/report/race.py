@@ -1,0 +1,102 @@
+"""The race's part of a run's page: standings, sectors and incidents with their pictures, as HTML.
+
+Knows a `RunResult`; whatever came from a user or a file is escaped by `report.markup`. Knows no recording.
+"""
+
+from __future__ import annotations
+
+from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
+from dnb_edge.report.run import RunResult
+from dnb_edge.values import Incident, Lap, SectorTime, Standing
+
+_RANKED_BY = "Standings by {}"
+
+
+def race_sections(result: RunResult) -> str:
+    """All sections that have something to show, in order; empty where there is none."""
+    parts = [
+        ("Standings", _standings(result)),
+        ("Sectors", _sectors(result)),
+        ("Incidents", _incidents(result)),
+    ]
+    return "\n".join(f"<section>\n<h2>{title}</h2>\n{body}\n</section>" for title, body in parts if body)
+
+
+def _standings(result: RunResult) -> str:
+    standings = result.standings
+    if standings is None or len(standings.rows) < 2:
+        return ""
+    headings = ("Place", "Car", "Laps", f"Value ({standings.unit})", "sigma", "Gap", "Interval")
+    rows = [_standing(row) for row in standings.rows]
+    ties = any(row.tied for row in standings.rows)
+    note = "<p>= : nobody can tell which of two neighbours is better: the difference lies inside their uncertainty.</p>"
+    return plain_table(_RANKED_BY.format(standings.rank_by.replace("_", " ")), headings, rows) + (note if ties else "")
+
+
+def _standing(row: Standing) -> tuple[str, ...]:
+    name = row.name if row.dnf is None else f"{row.name} (out: {row.dnf})"
+    return (
+        f"{row.place}{'=' if row.tied else ''}",
+        name,
+        f"{row.valid_laps} valid of {row.laps}",
+        number(row.value, "{:.4f}"),
+        number(row.sigma, "{:.4f}"),
+        number(row.gap, "{:.4f}"),
+        number(row.interval, "{:.4f}"),
+    )
+
+
+def _sectors(result: RunResult) -> str:
+    laps = [lap for lap in result.laps if lap.sectors]
+    if not laps:
+        return ""
+    several = len({lap.car for lap in result.laps}) > 1
+    headings = ["Lap", *(f"Sector {one.number} (s)" for one in laps[0].sectors)]
+    rows = [[_lap_name(lap, several=several), *map(_sector, lap.sectors)] for lap in laps]
+    best = _best_sectors(laps)
+    if best is not None and not several:
+        rows.append(["best of each", *(f"{time_s:.4f}" for time_s in best)])
+    caption = f"Times between the sector lines, {PLUS_MINUS} sigma"
+    if best is not None and not several:
+        caption += f"; the best sectors together would make a lap of {sum(best):.4f} s"
+    return plain_table(caption, headings, rows)
+
+
+def _lap_name(lap: Lap, *, several: bool) -> str:
+    return f"car {lap.car}, lap {lap.number}" if several else str(lap.number)
+
+
+def _sector(sector: SectorTime) -> str:
+    if sector.time_s is None:
+        return NONE
+    return f"{sector.time_s:.4f}" + ("" if sector.sigma_s is None else f" {PLUS_MINUS} {sector.sigma_s:.4f}")
+
+
+def _best_sectors(laps: list[Lap]) -> list[float] | None:
+    """The least time of each sector over the valid laps; None where a sector has none."""
+    times = [[lap.sectors[i].time_s for lap in laps if lap.valid] for i in range(len(laps[0].sectors))]
+    known = [[time_s for time_s in one if time_s is not None] for one in times]
+    return [min(one) for one in known] if all(known) else None
+
+
+def _incidents(result: RunResult) -> str:
+    if not result.incidents:
+        return ""
+    several = len({lap.car for lap in result.laps}) > 1
+    rows = "".join(
+        _incident(one, result.thumbnails.get((one.car, one.number)), several=several) for one in result.incidents
+    )
+    return f'<ul class="incidents">\n{rows}</ul>'
+
+
+def _incident(incident: Incident, jpeg: bytes | None, *, several: bool) -> str:
+    where = NONE if incident.s_m is None else f"{incident.s_m:.2f} m along the route"
+    lap = "outside laps" if incident.lap is None else f"lap {incident.lap}"
+    facts = f"{lap}, {incident.start_s:.2f} s after the first frame, for {incident.lasted_s:.2f} s; {where}"
+    if several:
+        facts = f"car {incident.car}, {facts}"
+    picture = ""
+    if jpeg is not None:
+        alt = text(f"The picture at the worst moment: {incident.text}")
+        picture = f'<img alt="{alt}" src="{data_uri(jpeg, "image/jpeg")}">'
+    return f"<li>{picture}<div><strong>{text(incident.text)}</strong><br>{text(facts)}</div></li>\n"
