@@ -120,13 +120,14 @@ class Ranking(StrEnum):
     BEST_AVERAGE = "best_average"
     """The mean of the `best_of` fastest valid laps."""
     TOTAL_TIME = "total_time"
-    """Most laps first, then the time that they took, penalties included."""
+    """Most complete laps first, valid or not, then the time from the start to the end of the last, penalties included."""
     MOST_LAPS = "most_laps"
-    """Most valid laps first, then the time that they took."""
+    """Most valid laps first, then the time from the start to the end of the last of them, penalties included."""
     SIMILARITY = "similarity"
-    """The mean path similarity of the valid laps, as in the paper."""
+    """The mean path similarity of the valid laps, as in the paper, each times its penalties' factors."""
     DRIVING_SCORE = "driving_score"
-    """Completion of the wanted laps in percent, times the penalties' factors."""
+    """Completion of the wanted laps in percent (the valid ones, and what was driven of an unfinished one), times the penalties'
+    factors."""
     SURVIVAL = "survival"
     """How long the car drove until an incident ended its race; then how far."""
 
@@ -224,10 +225,10 @@ _OF_SEVERAL = (Ranking.BEST_CONSECUTIVE, Ranking.BEST_AVERAGE)
 _GRID_ONLY = ("grid_m", "still_s", "countdown_s", "random_s", "jump_m")
 
 
-def check_together(*, laps: LapRules, start: StartRules, format: FormatRules, penalties: PenaltyRules) -> None:  # noqa: A002
+def check_together(laps: LapRules, start: StartRules, ending: FormatRules, penalties: PenaltyRules) -> None:
     """Raises `ValueError`, a line that opens with the key, where rules that are right one by one contradict one another."""
-    ranking, wanted = format.rank_by, laps.laps
-    if ranking in _LIMITED and wanted is None and format.time_limit_s is None:
+    ranking, wanted = ending.rank_by, laps.laps
+    if ranking in _LIMITED and wanted is None and ending.time_limit_s is None:
         raise ValueError(
             f"format.rank_by: {ranking.value} needs an end to the race: set race.laps or format.time_limit_s"
         )
@@ -235,12 +236,12 @@ def check_together(*, laps: LapRules, start: StartRules, format: FormatRules, pe
         raise ValueError("format.rank_by: driving_score is a share of the wanted laps: set race.laps")
     if ranking is Ranking.SURVIVAL and not any(penalties.of(kind).dnf for kind in IncidentKind):
         raise ValueError("format.rank_by: survival needs something to survive: set dnf: true for a kind in penalties")
-    if wanted is not None and format.warm_up_laps >= wanted:
+    if wanted is not None and ending.warm_up_laps >= wanted:
         raise ValueError(
-            f"format.warm_up_laps: {format.warm_up_laps} leaves none of race.laps, {wanted}, to be ranked: set fewer"
+            f"format.warm_up_laps: {ending.warm_up_laps} leaves none of race.laps, {wanted}, to be ranked: set fewer"
         )
-    ranked = None if wanted is None else wanted - format.warm_up_laps
-    if ranking in _OF_SEVERAL and ranked is not None and format.best_of > ranked:
+    ranked = None if wanted is None else wanted - ending.warm_up_laps
+    if ranking in _OF_SEVERAL and ranked is not None and ending.best_of > ranked:
         raise ValueError(f"format.best_of: only {ranked} laps are ranked: set at most as many, or more race.laps")
     if start.mode is StartMode.ROLLING:
         standard = StartRules()

@@ -140,12 +140,17 @@ class Standing:
     best_lap_s: float | None
     last_lap_s: float | None
     gap: float | None
-    """Behind the leader, in the unit of `value`; None for the leader and where there is no value."""
+    """Behind the leader, in the unit of `value`; None for the leader, where there is no value, and where `gap_laps` says it."""
     interval: float | None
-    """Behind the car one place ahead, likewise."""
+    """Behind the car one line above, likewise."""
     penalty_s: float = 0.0
     dnf: str | None = None
     """Why the car did not finish; None where it did or still may."""
+    gap_laps: int | None = None
+    """Laps behind the leader, where laps are compared first (`total_time`, `most_laps`). Times of different numbers of laps
+    say nothing: under `total_time`, where this is not 0, `gap` is None."""
+    interval_laps: int | None = None
+    """Laps behind the car one line above, likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
