@@ -1,17 +1,25 @@
-"""A finished recording, raced again from its detections: what `score`, `table` and `report` all start from."""
+"""A finished recording, raced again from its detections: what `score`, `table`, `report` and `judge` all start from.
+
+A judge's edits that lie beside the recording are laid over its laps, unless somebody does not want them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from dnb_edge.cli.overlay import laid_over
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.errors import InputError
+from dnb_edge.race.edit import Edit
+from dnb_edge.race.marshal import Marshalled, Told
+from dnb_edge.record.edits import RunIdentity, read_edits
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.reader import RecordedRun, read_run
 from dnb_edge.report.run import RunResult
+from dnb_edge.report.table import printable
 from dnb_edge.track.twin import load_twin
 from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary
 
@@ -28,8 +36,14 @@ class Replayed:
     hashes: dict[str, str]
     """SHA-256 of the run's inputs, by what it is of."""
     events: tuple[Event, ...]
-    """In order; the last is the run's summary."""
+    """In order; the last is the run's summary. A judge's edits are laid over them where there are any and they are wanted."""
     warnings: tuple[str, ...]
+    raw_laps: tuple[Lap, ...] = ()
+    """As the race made them, without edits."""
+    edits: tuple[Edit, ...] = ()
+    """All that were read; empty where they are not wanted."""
+    marshalled: Marshalled | None = None
+    """What the edits came to; None where there are none."""
 
     def result(self) -> RunResult:
         """The run as tables and reports want it; with the twin's picture where that still lies where the run found it."""
@@ -48,8 +62,13 @@ class Replayed:
         )
 
 
-def replay(path: Path) -> Replayed:
-    """Races the recording at `path` again. Raises `InputError` where it cannot be read or holds no setup."""
+def replay(
+    path: Path, *, edits: bool = True, changed: Callable[[CoreSetup, RunHeader], CoreSetup] | None = None
+) -> Replayed:
+    """Races the recording at `path` again, under the setup that `changed` makes of the recorded one, or under that itself.
+
+    Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
+    """
     run = read_run(path)
     try:
         setup = CoreSetup.from_dict(run.header.setup["core"])
@@ -57,31 +76,55 @@ def replay(path: Path) -> Replayed:
         hashes = dict(run.header.setup["sha256"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: its setup cannot be read ({error}): it was made by another version") from error
-    return Replayed(
+    log = read_edits(path, RunIdentity.of(run.header, run.first_t_ns)) if edits else None
+    if changed is not None:
+        setup = changed(setup, run.header)
+    events, frames_t_ns = _race(run, setup)
+    raced = Replayed(
         path=path,
         header=run.header,
         setup=setup,
         calibration=calibration,
         hashes=hashes,
-        events=tuple(_race(run, setup)),
+        events=events,
         warnings=run.warnings,
+        raw_laps=tuple(event for event in events if isinstance(event, Lap)),
+    )
+    if log is None:
+        return raced
+    raced = replace(raced, warnings=(*raced.warnings, *log.warnings))
+    if not log.edits:
+        return raced
+    overlaid = laid_over(events, log.edits, setup, frames_t_ns)
+    told = (*overlaid.marshalled.without_effect, *overlaid.marshalled.moved)
+    return replace(
+        raced,
+        events=overlaid.events,
+        edits=log.edits,
+        marshalled=overlaid.marshalled,
+        warnings=(*raced.warnings, *(edit_warning(one) for one in told)),
     )
 
 
-def _race(run: RecordedRun, setup: CoreSetup) -> Iterator[Event]:
+def edit_warning(told: Told) -> str:
+    """What is to be said of an edit, as a sentence with its number, author and subject."""
+    edit = told.edit
+    return f"edit {edit.number} ({edit.action.value} {edit.subject}, {printable(edit.author)}): {told.text}"
+
+
+def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], list[int]]:
+    """(events, the stamps of all frames)."""
     core = Core(setup)
-    frames, found, laps = 0, set(), 0
+    events: list[Event] = []
+    frames_t_ns: list[int] = []
     for detections in run.detections():
-        frames += 1
-        for event in core.step(detections):
-            laps += isinstance(event, Lap)
-            if isinstance(event, Observation):
-                found.add(event.t_ns)
-            yield event
-    for event in core.finish():
-        laps += isinstance(event, Lap)
-        yield event
-    yield RunSummary(frames=frames, detected_frames=len(found), laps=laps, recording=str(run.path))
+        frames_t_ns.append(detections.t_ns)
+        events += core.step(detections)
+    events += core.finish()
+    found = {event.t_ns for event in events if isinstance(event, Observation)}
+    laps = sum(isinstance(event, Lap) for event in events)
+    summary = RunSummary(frames=len(frames_t_ns), detected_frames=len(found), laps=laps, recording=str(run.path))
+    return (*events, summary), frames_t_ns
 
 
 def _twin(config: dict[str, Any]) -> BgrImage | None:
