@@ -58,8 +58,8 @@ def estimate(samples: Iterable[Sample]) -> Estimate | None:
     """The mean over the runs `samples`; None where there is no value at all.
 
     Interval: mean +- t(0.975, n - 1) s / sqrt(n), over laps with one run, over the runs' means with several. The spread of
-    measured values holds their measurement's part already; the standard error is never taken to be less than the sigmas alone
-    make it, as it could by chance with few values.
+    measured values holds their measurement's part already; an interval is never narrower than the sigmas alone make it (1.96 of
+    their standard error), as it could be by chance with few values.
     """
     kept = [sample for sample in samples if sample.values]
     values = [value for sample in kept for value in sample.values]
@@ -70,11 +70,10 @@ def estimate(samples: Iterable[Sample]) -> Estimate | None:
     spread = _sd(units)
     if spread is None:
         return Estimate(mean=mean, sd=sd, runs=len(kept), error=None, df=None, low=None, high=None)
-    error = max(spread / math.sqrt(len(units)), _measured_error(kept))
-    half = two_sided_quantile(CONFIDENCE, len(units) - 1) * error
-    return Estimate(
-        mean=mean, sd=sd, runs=len(kept), error=error, df=len(units) - 1.0, low=mean - half, high=mean + half
-    )
+    seen = (spread / math.sqrt(len(units)), len(units) - 1.0)
+    measured = (_measured_error(kept), math.inf)
+    half, error, df = max((two_sided_quantile(CONFIDENCE, df) * error, error, df) for error, df in (seen, measured))
+    return Estimate(mean=mean, sd=sd, runs=len(kept), error=error, df=df, low=mean - half, high=mean + half)
 
 
 def welch_p(one: Estimate, other: Estimate) -> float | None:

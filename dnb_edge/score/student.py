@@ -8,6 +8,7 @@ fraction (DLMF 8.17.22, https://dlmf.nist.gov/8.17.E22) with Lentz's method as T
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from statistics import NormalDist
 
 _NORMAL_FROM_DF = 1e7
@@ -35,6 +36,7 @@ def two_sided_p(t: float, df: float) -> float:
     return _incomplete_beta(df / 2, 0.5, df / (df + square), square / (df + square))
 
 
+@lru_cache(maxsize=256)
 def two_sided_quantile(confidence: float, df: float) -> float:
     """The t within which, to both sides of 0, lies the share `confidence` (0..1, exclusive): 1.96 for 0.95 and many `df`.
 

@@ -1,0 +1,202 @@
+"""Intervals and comparisons: they hold as often as they say, agree with SciPy, and do not depend on order."""
+
+import math
+import random
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from dnb_edge.score.compare import Estimate, Sample, compare, differs, estimate, holm, letter_groups, welch_p
+
+TRIALS = 4000
+
+
+def one_run(*values: float) -> Estimate | None:
+    return estimate([Sample(values=values)])
+
+
+def covered(draw: Callable[[np.random.Generator], list[Sample]], truth: float) -> float:
+    """How often the interval holds `truth`."""
+    rng = np.random.default_rng(5)
+    hits = 0
+    for _ in range(TRIALS):
+        found = estimate(draw(rng))
+        assert found is not None
+        assert found.low is not None
+        assert found.high is not None
+        hits += found.low <= truth <= found.high
+    return hits / TRIALS
+
+
+@pytest.mark.parametrize("laps", [2, 5, 10, 30])
+def test_intervals_over_laps_hold_the_truth_in_95_percent(laps: int) -> None:
+    """Normal laps of one run: 93 to 97 of 100 intervals hold the mean that they were drawn from."""
+    share = covered(lambda rng: [Sample(values=tuple(rng.normal(12.0, 0.4, laps).tolist()))], 12.0)
+    assert 0.93 <= share <= 0.97
+
+
+@pytest.mark.parametrize("runs", [2, 3, 5, 10])
+def test_intervals_over_runs_hold_the_truth_though_laps_of_a_run_hang_together(runs: int) -> None:
+    """Runs of 3 to 8 laps with a spread of their own, twice that of laps: still 93 to 97 of 100."""
+
+    def draw(rng: np.random.Generator) -> list[Sample]:
+        return [
+            Sample(values=tuple(rng.normal(rng.normal(12.0, 0.4), 0.2, rng.integers(3, 9)).tolist()))
+            for _ in range(runs)
+        ]
+
+    assert 0.93 <= covered(draw, 12.0) <= 0.97
+
+
+def test_laps_of_several_runs_thrown_together_would_claim_too_much() -> None:
+    """Why runs are what counts: the same laps taken as independent hold the truth in far fewer than 95 of 100."""
+
+    def draw(rng: np.random.Generator) -> list[Sample]:
+        laps = [rng.normal(rng.normal(12.0, 0.4), 0.2, 8) for _ in range(3)]
+        return [Sample(values=tuple(np.concatenate(laps).tolist()))]
+
+    assert covered(draw, 12.0) < 0.75
+
+
+@pytest.mark.parametrize("sigma_s", [0.002, 0.4])
+def test_the_measurement_is_in_the_interval(sigma_s: float) -> None:
+    """Laps measured with a sigma as small or as large as their own spread: 93 to 97 of 100."""
+
+    def draw(rng: np.random.Generator) -> list[Sample]:
+        measured = rng.normal(12.0, 0.4, 5) + rng.normal(0.0, sigma_s, 5)
+        return [Sample(values=tuple(measured.tolist()), sigmas=(sigma_s,) * 5)]
+
+    assert 0.93 <= covered(draw, 12.0) <= 0.97
+
+
+def test_no_interval_is_narrower_than_the_measurement_makes_it() -> None:
+    """Two laps that agree by chance are known no better than they were measured."""
+    found = estimate([Sample(values=(10.0, 10.0), sigmas=(0.03, 0.04))])
+    assert found is not None
+    assert found.high is not None
+    assert (found.error, found.high) == (pytest.approx(0.025), pytest.approx(10.0 + 1.96 * 0.025, abs=1e-5))
+
+
+def test_one_lap_has_a_mean_and_no_interval() -> None:
+    """Nothing is made up where there is no spread to see; nothing at all where there is no lap."""
+    found = one_run(67.5)
+    assert found is not None
+    assert (found.mean, found.sd, found.low, found.high) == (67.5, None, None, None)
+    assert estimate([Sample(values=()), Sample(values=())]) is None
+
+
+def test_each_run_counts_alike() -> None:
+    """The mean of several runs is that of their means; a run without a valid lap is none of them."""
+    found = estimate([Sample(values=(10.0, 10.0, 10.0, 10.0)), Sample(values=(20.0,)), Sample(values=())])
+    assert found is not None
+    assert (found.mean, found.runs, found.df) == (15.0, 2, 1.0)
+
+
+FIGURES = st.lists(st.floats(1, 100), min_size=2, max_size=8)
+
+
+@given(one=FIGURES, other=FIGURES)
+def test_welch_is_scipys(one: list[float], other: list[float]) -> None:
+    """Two samples of one run each: the p value of `scipy.stats.ttest_ind(equal_var=False)`."""
+    if np.std(one) < 1e-3 or np.std(other) < 1e-3:
+        return
+    first, second = one_run(*one), one_run(*other)
+    assert first is not None
+    assert second is not None
+    expected = stats.ttest_ind(one, other, equal_var=False).pvalue
+    assert welch_p(first, second) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("laps", "spreads"), [((5, 5), (1.0, 1.0)), ((10, 6), (1.0, 0.3)), ((30, 8), (1.0, 2.0))])
+def test_alike_entries_are_told_apart_in_5_percent(laps: tuple[int, int], spreads: tuple[float, float]) -> None:
+    """Welch's false alarms, with equal and with very different spreads and numbers of laps: 3.5 to 6.5 of 100."""
+    rng = np.random.default_rng(7)
+    alarms = 0
+    for _ in range(TRIALS):
+        found = [one_run(*rng.normal(50.0, spread, n).tolist()) for n, spread in zip(laps, spreads, strict=True)]
+        assert found[0] is not None
+        assert found[1] is not None
+        p = welch_p(found[0], found[1])
+        alarms += p is not None and p < 0.05
+    assert 0.035 <= alarms / TRIALS <= 0.065
+
+
+def test_many_alike_entries_raise_a_false_alarm_in_at_most_5_percent() -> None:
+    """Holm's correction: of tables of five alike entries, ten pairs each, not more than 6 in 100 tell any pair apart."""
+    rng = np.random.default_rng(11)
+    alarms = 0
+    for _ in range(1000):
+        found = compare([one_run(*rng.normal(50.0, 1.0, 8).tolist()) for _ in range(5)])
+        alarms += any(differs(p) for p in found.p.values())
+    assert alarms / 1000 <= 0.06
+
+
+def test_holm_as_in_the_textbook() -> None:
+    """The least of m times m, the next m - 1, and none below a smaller one's; never above 1."""
+    assert holm({(0, 1): 0.01, (0, 2): 0.04, (1, 2): 0.03}) == pytest.approx({(0, 1): 0.03, (1, 2): 0.06, (0, 2): 0.06})
+    assert holm({(0, 1): 0.9, (0, 2): 0.8}) == {(0, 1): 1.0, (0, 2): 1.0}
+    assert holm({}) == {}
+
+
+def test_no_spread_at_all() -> None:
+    """Figures that are exactly alike and exactly different, without any spread: told for what they are."""
+    same, again, other = one_run(100.0, 100.0), one_run(100.0, 100.0), one_run(90.0, 90.0)
+    assert same is not None
+    assert again is not None
+    assert other is not None
+    assert welch_p(same, again) == 1.0
+    assert welch_p(same, other) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("n", "different", "expected"),
+    [
+        (0, [], []),
+        (1, [], [{0}]),
+        (3, [], [{0, 1, 2}]),
+        (3, [(0, 1), (0, 2), (1, 2)], [{0}, {1}, {2}]),
+        (3, [(0, 2)], [{0, 1}, {1, 2}]),
+        (4, [(0, 3)], [{0, 1, 2}, {1, 2, 3}]),
+        (4, [(0, 2), (0, 3), (1, 3)], [{0, 1}, {1, 2}, {2, 3}]),
+    ],
+)
+def test_letters(n: int, different: list[tuple[int, int]], expected: list[set[int]]) -> None:
+    """The groups behind a, ab, b."""
+    assert letter_groups(range(n), different) == expected
+
+
+@given(n=st.integers(1, 7), data=st.data())
+def test_two_share_a_letter_where_they_are_not_different_and_only_there(n: int, data: st.DataObject) -> None:
+    """Whatever differs from what, letters say exactly that, and no group lies within another."""
+    pairs = list(combinations(range(n), 2))
+    different = data.draw(st.sets(st.sampled_from(pairs))) if pairs else set()
+    groups = letter_groups(range(n), different)
+    assert set().union(*groups) == set(range(n))
+    for i, j in pairs:
+        assert any({i, j} <= group for group in groups) == ((i, j) not in different)
+    assert not any(one < other for one in groups for other in groups)
+
+
+def test_who_is_alike() -> None:
+    """Far apart is different, close is alike, one lap tells nothing, no lap is not compared."""
+    found = compare([one_run(10, 10.1, 9.9), one_run(10.02, 9.96, 10.1), one_run(50, 50.1, 49.9), one_run(10), None])
+    assert found.letters == ("a", "a", "b", None, None)
+    assert [found.alike(i) for i in range(5)] == [(1, 3), (0, 3), (3,), (0, 1, 2), ()]
+
+
+@given(
+    runs=st.lists(st.lists(st.floats(1, 1e6), max_size=5), min_size=1, max_size=5),
+    seed=st.integers(0, 99),
+)
+def test_the_order_of_runs_and_laps_changes_not_a_bit(runs: list[list[float]], seed: int) -> None:
+    """Sums are exact: shuffled runs of shuffled laps give the very same figures."""
+    shuffled = [random.Random(seed).sample(run, len(run)) for run in runs]
+    random.Random(seed).shuffle(shuffled)
+    one, other = (estimate([Sample(values=tuple(run)) for run in order]) for order in (runs, shuffled))
+    assert one == other
+    assert one is None or math.isfinite(one.mean)
