@@ -1,0 +1,97 @@
+"""Everything that decides what the core makes of detections, as one value that goes into the recording.
+
+Knows the settings of all rooms and their stored form; decides nothing itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+from dnb_edge import wire
+from dnb_edge.motion.settings import MotionSettings
+from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules
+from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.track.model import Track
+from dnb_edge.view.calibration import Covariance9
+from dnb_edge.view.ground import GroundMap
+
+_BEFORE = {"regain_s": 0.0}
+"""Settings of recordings from before these settings existed: what the core did then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoreSetup:
+    """Everything that decides what the core makes of detections."""
+
+    track: Track
+    ground: GroundMap
+    motion: MotionSettings
+    crossing: CrossingSettings
+    laps: LapRules
+    score: ScoreSettings
+    not_scored_because: str | None = None
+    """Why laps get no similarity (the calibration is too wrong, say); None where they get one."""
+    birth_margin_m: float = 0.1
+    """How far beyond the lane's edge an observation still counts as on the lane, metres."""
+    start: StartRules = field(default_factory=StartRules)
+    format: FormatRules = field(default_factory=FormatRules)
+    penalties: PenaltyRules = field(default_factory=PenaltyRules)
+    rules: str = "practice"
+    """Name of the rule set."""
+    cars: tuple[CarSetup, ...] = ()
+    """The cars that take part, in the order of their numbers; empty: numbered as they first cross the start line."""
+    map_covariance: Covariance9 | None = None
+    """Covariance of the map's homography, as in `Calibration`, for frames of `ground`'s size; None where it is not known."""
+    row_s: float = 0.0
+    """Time from one row of the picture to the next (rolling shutter), seconds; 0 where all are seen at once or nobody knows."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON types; `from_dict` gives back an equal setup, bit for bit."""
+        return {
+            "track": self.track.to_dict(),
+            "ground": self.ground.to_dict(),
+            "motion": wire.to_dict(self.motion),
+            "crossing": wire.to_dict(self.crossing),
+            "laps": wire.to_dict(self.laps),
+            "score": wire.to_dict(self.score),
+            "not_scored_because": self.not_scored_because,
+            "birth_margin_m": self.birth_margin_m,
+            "start": wire.to_dict(self.start),
+            "format": wire.to_dict(self.format),
+            "penalties": wire.to_dict(self.penalties),
+            "rules": self.rules,
+            "cars": [wire.to_dict(car) for car in self.cars],
+            "map_covariance": self.map_covariance,
+            "row_s": self.row_s,
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """The setup that `to_dict` wrote. Raises `InputError` or `ValueError` where a member is missing or wrong."""
+        try:
+            return cls(
+                track=Track.from_dict(data["track"]),
+                ground=GroundMap.from_dict(data["ground"]),
+                motion=wire.from_dict(MotionSettings, _BEFORE | data["motion"]),
+                crossing=wire.from_dict(CrossingSettings, data["crossing"]),
+                laps=wire.from_dict(LapRules, data["laps"]),
+                score=wire.from_dict(ScoreSettings, data["score"]),
+                not_scored_because=data["not_scored_because"],
+                birth_margin_m=data["birth_margin_m"],
+                start=wire.from_dict(StartRules, data.get("start", {})),
+                format=wire.from_dict(FormatRules, data.get("format", {})),
+                penalties=wire.from_dict(PenaltyRules, data.get("penalties", {})),
+                rules=data.get("rules", "practice"),
+                cars=tuple(wire.from_dict(CarSetup, car) for car in data.get("cars", ())),
+                map_covariance=_matrix(data.get("map_covariance")),
+                row_s=data.get("row_s", 0.0),
+            )
+        except KeyError as error:
+            raise ValueError(f"the setup has no member {error}") from error
+
+
+def _matrix(rows: Sequence[Sequence[float]] | None) -> Covariance9 | None:
+    return None if rows is None else tuple(tuple(row) for row in rows)
