@@ -89,7 +89,8 @@ def welch_p(one: Estimate, other: Estimate) -> float | None:
     if scale == 0.0:
         return 1.0 if apart == 0.0 else 0.0
     first, second = (one.error / scale) ** 2, (other.error / scale) ** 2
-    df = (first + second) ** 2 / (first**2 / one.df + second**2 / other.df)
+    share = first**2 / one.df + second**2 / other.df
+    df = (first + second) ** 2 / share if share else math.inf
     return two_sided_p(apart / scale / math.sqrt(first + second), df)
 
 
