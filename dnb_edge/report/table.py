@@ -101,14 +101,14 @@ class EntryRow:
     """Seconds of all penalties together."""
     similarity_sd_percent: float | None
     """Standard deviation of the valid laps; None with fewer than two."""
-    similarity_low_percent: float | None
+    similarity_ci95_low_percent: float | None
     """Lower end of the mean's 95 % confidence interval; None where there is none."""
-    similarity_high_percent: float | None
+    similarity_ci95_high_percent: float | None
     similarity_group: str | None = None
     """Letters: entries that share one cannot be told apart; None where there is nothing to compare."""
     completion_time_sd_s: float | None
-    completion_time_low_s: float | None
-    completion_time_high_s: float | None
+    completion_time_ci95_low_s: float | None
+    completion_time_ci95_high_s: float | None
     completion_time_group: str | None = None
     best_lap_sigma_s: float | None
     interval_over: str | None
@@ -252,11 +252,11 @@ def _row(
         penalties=sum(len(lap.penalties) for lap in laps),
         penalty_s=math.fsum(lap.penalty_s for lap in laps),
         similarity_sd_percent=None if similarity is None else similarity.sd,
-        similarity_low_percent=None if similarity is None else similarity.low,
-        similarity_high_percent=None if similarity is None else similarity.high,
+        similarity_ci95_low_percent=None if similarity is None else _end(similarity.low, most=100.0),
+        similarity_ci95_high_percent=None if similarity is None else _end(similarity.high, most=100.0),
         completion_time_sd_s=None if time is None else time.sd,
-        completion_time_low_s=None if time is None else time.low,
-        completion_time_high_s=None if time is None else time.high,
+        completion_time_ci95_low_s=None if time is None else _end(time.low),
+        completion_time_ci95_high_s=None if time is None else _end(time.high),
         best_lap_sigma_s=None if best is None else best.sigma_s,
         interval_over=interval_over,
         sessions=_all_of(trial.session for trial in trials),
@@ -264,6 +264,11 @@ def _row(
         calibrations=_all_of(trial.calibration for trial in trials),
         rules=trials[0].rules,
     )
+
+
+def _end(value: float | None, *, most: float = math.inf) -> float | None:
+    """An interval's end, within what can be at all: no figure is negative, no similarity above 100."""
+    return None if value is None else min(max(value, 0.0), most)
 
 
 def _all_of(texts: Iterable[str | None]) -> tuple[str, ...]:
@@ -297,5 +302,5 @@ def _notes(comparison: Comparison, labels: Sequence[str], figure: str) -> list[s
     compared = sum(letters is not None for letters in comparison.letters)
     if comparison.untested and len(comparison.untested) + compared > 1:
         names = ", ".join(labels[i] for i in sorted(comparison.untested))
-        notes.append(f"Not compared by {figure}, since one valid lap, or one a run, tells no spread: {names}")
+        notes.append(f"One valid lap tells no spread, so not compared by {figure}: {names}")
     return notes

@@ -73,14 +73,14 @@ def _columns(rows: Sequence[EntryRow]) -> list[list[str]]:
         ["Laps", *(f"{row.valid_laps}/{row.attempted_laps}" for row in rows)],
         [r"Success (\%)", *(_NONE if row.success_rate is None else f"{row.success_rate:.0%}"[:-1] for row in rows)],
         [r"Path Sim.\ (\%)", *similarity],
-        [_CI, *(_interval(row.similarity_low_percent, row.similarity_high_percent, 2) for row in rows)],
+        [_CI, *(_interval(row.similarity_ci95_low_percent, row.similarity_ci95_high_percent, 2) for row in rows)],
         ["Completion Time (s)", *time],
-        [_CI, *(_interval(row.completion_time_low_s, row.completion_time_high_s, 3) for row in rows)],
+        [_CI, *(_interval(row.completion_time_ci95_low_s, row.completion_time_ci95_high_s, 3) for row in rows)],
         ["Best Lap (s)", *(_best(row) for row in rows)],
     ]
     if any(row.penalties for row in rows):
         columns.append(["Penalties (s)", *(f"{row.penalty_s:g}" for row in rows)])
-    return [column for column in columns if column[0] != _CI or set(column[1:]) != {_NONE}]
+    return [column for column in columns if column[0] != _CI or not set(column[1:]) <= {_NONE}]
 
 
 def _mean(row: EntryRow, mean: float | None, sd: float | None, group: str | None, digits: int) -> str:

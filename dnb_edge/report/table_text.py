@@ -17,10 +17,7 @@ DNF = "DNF"
 NO_VALUE = "-"
 """A figure that there is none of, in text."""
 
-INTERVALS = (
-    "[ ]: 95 % confidence interval of the mean, over the laps where an entry has one run, over its runs' means where it has "
-    "several; sd: of single laps"
-)
+INTERVALS = "[ ]: 95 % confidence interval of the mean, over laps where there is one run, else over runs; sd: of laps"
 
 
 def as_text(table: ResultTable) -> str:
@@ -61,14 +58,14 @@ def _similarity(row: EntryRow) -> str:
     if not row.finished:
         return DNF
     mean = _figure(row.similarity_percent, "{:.2f}")
-    return mean + _interval(row.similarity_low_percent, row.similarity_high_percent, "{:.2f}")
+    return mean + _interval(row.similarity_ci95_low_percent, row.similarity_ci95_high_percent, "{:.2f}")
 
 
 def _time(row: EntryRow) -> str:
     if not row.finished:
         return DNF
     mean = _figure(row.completion_time_s, "{:.3f}")
-    return mean + _interval(row.completion_time_low_s, row.completion_time_high_s, "{:.3f}")
+    return mean + _interval(row.completion_time_ci95_low_s, row.completion_time_ci95_high_s, "{:.3f}")
 
 
 def _interval(low: float | None, high: float | None, form: str) -> str:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import random
 from dataclasses import dataclass, replace
 
 import pytest
@@ -10,8 +11,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from dnb_edge.report.table import as_csv, as_json_lines, as_text, entry_rows, printable
-from dnb_edge.values import Lap
+from dnb_edge.report.table import ResultTable, RowsBy, Trial, entry_rows, printable, result_table
+from dnb_edge.report.table_files import COLUMNS, as_csv, as_json_lines
+from dnb_edge.report.table_latex import as_latex, escaped
+from dnb_edge.report.table_text import INTERVALS, as_text
+from dnb_edge.values import EntryInfo, Lap, Penalty
 
 
 @dataclass(frozen=True)
@@ -38,68 +42,199 @@ def lap(time_s: float, similarity_percent: float | None, *, valid: bool = True) 
     return replace(LAP, time_s=time_s, similarity_percent=similarity_percent, valid=valid)
 
 
+def trial(name: str, *laps: Lap, run: str = "a.mcap", version: str = "", **facts) -> Trial:
+    return Trial(entry=EntryInfo(name=name, version=version), laps=laps, run=run, **facts)
+
+
+def laps_of(*times_s: float, similarity_percent: float = 90.0) -> tuple[Lap, ...]:
+    return tuple(lap(time_s, similarity_percent) for time_s in times_s)
+
+
 PAPER = (
-    Attempt("1", (lap(67.5, 95.78),)),
-    Attempt("2", (lap(53.4, 92.68),)),
-    Attempt("3", (lap(42.9, 88.62),)),
-    Attempt("4", (lap(34.7, 84.57),)),
+    trial("1", lap(67.5, 95.78)),
+    trial("2", lap(53.4, 92.68)),
+    trial("3", lap(42.9, 88.62)),
+    trial("4", lap(34.7, 84.57)),
+)
+ALIKE = (
+    trial("slow", *laps_of(20.0, 20.1, 19.9)),
+    trial("fast", *laps_of(10.0, 10.1, 9.9, 10.05)),
+    trial("faster?", *laps_of(10.02, 9.95, 10.08)),
 )
 
 
 def test_the_papers_table_comes_out_as_printed() -> None:
-    """Four drivers with one lap each give the paper's Table I."""
-    assert as_text(entry_rows(PAPER)).splitlines() == [
-        "Entry    Laps  Path similarity (%)  Completion time (s)",
-        "-----  ------  -------------------  -------------------",
-        "1      1 of 1                95.78               67.500",
-        "2      1 of 1                92.68               53.400",
-        "3      1 of 1                88.62               42.900",
-        "4      1 of 1                84.57               34.700",
+    """Four drivers with one lap each give the paper's Table I, and the table says that one lap compares nobody."""
+    assert as_text(result_table(PAPER)).splitlines() == [
+        "Entry  Runs    Laps  Success  Path similarity (%)  Completion time (s)     Best lap (s)",
+        "-----  ----  ------  -------  -------------------  -------------------  ---------------",
+        "1         1  1 of 1     100%                95.78               67.500  67.500 +- 0.002",
+        "2         1  1 of 1     100%                92.68               53.400  53.400 +- 0.002",
+        "3         1  1 of 1     100%                88.62               42.900  42.900 +- 0.002",
+        "4         1  1 of 1     100%                84.57               34.700  34.700 +- 0.002",
+        "",
+        "One valid lap tells no spread, so not compared by path similarity: 1, 2, 3, 4",
+        "One valid lap tells no spread, so not compared by completion time: 1, 2, 3, 4",
     ]
 
 
 def test_only_valid_laps_count() -> None:
-    """Means and the best lap are over valid laps; the number of all laps is kept beside them."""
+    """Means and the best lap are over valid laps; the number of all laps is kept beside them, and makes the success rate."""
     (row,) = entry_rows([Attempt("a", (lap(10.0, 90.0), lap(12.0, 80.0), lap(1.0, 10.0, valid=False)))])
     assert (row.laps, row.valid_laps, row.finished) == (3, 2, True)
     assert (row.completion_time_s, row.similarity_percent, row.best_lap_s) == (11.0, 85.0, 10.0)
+    assert (row.attempted_laps, row.success_rate) == (3, pytest.approx(2 / 3))
 
 
-def test_runs_of_one_entry_are_taken_together_in_order_of_appearance() -> None:
-    """Trials of the same entry make one row, whatever lies between them."""
-    rows = entry_rows([Attempt("b", (lap(10.0, 90.0),)), Attempt("a", ()), Attempt("b", (lap(20.0, 70.0),))])
-    assert [(row.entry, row.runs, row.completion_time_s) for row in rows] == [("b", 2, 15.0), ("a", 1, None)]
+def test_runs_of_one_entry_are_taken_together() -> None:
+    """Trials of the same entry make one row, whatever lies between them; the second counts as much as the first."""
+    rows = entry_rows([Attempt("b", laps_of(10.0, 10.0)), Attempt("a", ()), Attempt("b", laps_of(20.0))])
+    assert [(row.entry, row.runs, row.completion_time_s) for row in rows] == [("a", 1, None), ("b", 2, 15.0)]
 
 
 @pytest.mark.parametrize("laps", [(), (lap(9.0, 50.0, valid=False),)])
 def test_without_a_valid_lap_the_entry_did_not_finish(laps: tuple[Lap, ...]) -> None:
     """A failure is DNF in text, empty cells in CSV, null in JSON; never a number."""
-    rows = entry_rows([Attempt("a", laps)])
-    assert as_text(rows).splitlines()[-1].split()[-2:] == ["DNF", "DNF"]
-    (cells,) = csv.DictReader(io.StringIO(as_csv(rows)))
+    table = result_table([trial("a", *laps)])
+    assert as_text(table).splitlines()[-1].split()[-3:] == ["DNF", "DNF", "-"]
+    (cells,) = csv.DictReader(io.StringIO(as_csv(table)))
     assert (cells["finished"], cells["similarity_percent"], cells["completion_time_s"]) == ("false", "", "")
-    data = json.loads(as_json_lines(rows))
+    data = json.loads(as_json_lines(table))
     assert (data["finished"], data["similarity_percent"], data["completion_time_s"]) == (False, None, None)
+    assert data["indistinguishable_from"] == {"similarity_percent": [], "completion_time_s": []}
+    assert as_latex(table).count("DNF") == 2
 
 
 def test_a_finished_entry_without_scores_has_a_time_and_no_similarity() -> None:
     """A run that was not scored (calibration too wrong) is no failure."""
-    rows = entry_rows([Attempt("a", (lap(9.0, None),))])
-    assert as_text(rows).splitlines()[-1].split()[-2:] == ["-", "9.000"]
+    table = result_table([trial("a", lap(9.0, None))])
+    assert as_text(table).splitlines()[-1].split()[6:8] == ["-", "9.000"]
+
+
+def test_a_car_whose_race_ended_attempted_one_lap_more() -> None:
+    """The lap that was never finished counts against the entry; one that ended with the lap's penalty counts once."""
+    unfinished = trial("a", *laps_of(10.0), dnf="it stood for 20 s")
+    out = Penalty(offence="off_track", dnf=True, reason="left the lane")
+    ended = trial("b", lap(10.0, 90.0), replace(lap(11.0, 90.0, valid=False), penalties=(out,)), dnf="left the lane")
+    rows = result_table([unfinished, ended]).rows
+    assert [(row.attempted_laps, row.success_rate, row.dnf_runs) for row in rows] == [(2, 0.5, 1), (2, 0.5, 1)]
+
+
+def test_penalties_are_in_the_official_time_and_in_a_column() -> None:
+    """Times are official ones where there are any; the column is there only where somebody was penalised."""
+    late = Penalty(offence="off_track", seconds=3.0, reason="left the lane")
+    fined = replace(lap(10.0, 90.0), penalties=(late,), penalty_s=3.0, official_time_s=13.0)
+    table = result_table([trial("a", fined, lap(12.5, 90.0))])
+    (row,) = table.rows
+    assert (row.completion_time_s, row.best_lap_s, row.penalties, row.penalty_s) == (12.75, 12.5, 1, 3.0)
+    assert "Penalties" in as_text(table)
+    assert "1 (+3 s)" in as_text(table)
+    assert "Penalties" in as_latex(table)
+    assert "Penalties" not in as_text(result_table(PAPER)) + as_latex(result_table(PAPER))
+
+
+def test_who_cannot_be_told_apart_is_said_in_every_form() -> None:
+    """A sentence in text, labels in JSON, letters in CSV and LaTeX: two fast entries are alike, the slow one is not."""
+    table = result_table(ALIKE)
+    assert [row.entry for row in table.rows] == ["fast", "faster?", "slow"]
+    assert [row.completion_time_group for row in table.rows] == ["a", "a", "b"]
+    assert [row.indistinguishable_from.completion_time_s for row in table.rows] == [("faster?",), ("fast",), ()]
+    text = as_text(table)
+    assert "fast and faster? cannot be told apart by completion time (p = 0.94)" in text.splitlines()
+    assert "slow cannot be told apart by completion time" not in text
+    assert text.splitlines()[-1] == INTERVALS
+    assert r"10.012 \pm 0.085^{\mathrm{a}}" in as_latex(table)
+    assert r"20.000 \pm 0.100^{\mathrm{b}}" in as_latex(table)
+
+
+def test_an_interval_ends_where_nothing_can_be() -> None:
+    """No similarity above 100, no negative time, however wide the interval."""
+    table = result_table([trial("a", lap(1.0, 99.0), run="1"), trial("a", lap(9.0, 100.0), run="2")])
+    (row,) = table.rows
+    assert (row.similarity_ci95_high_percent, row.completion_time_ci95_low_s) == (100.0, 0.0)
+    assert row.interval_over == "runs"
+
+
+def test_versions_and_checkpoints_are_entries_of_their_own() -> None:
+    """A name that takes part in several versions is told with them, one in several checkpoints of a version with those."""
+    net = [
+        Trial(entry=EntryInfo(name="net", version=version, checkpoint_sha256=sha), laps=laps_of(10.0))
+        for version, sha in (("v10", None), ("v2", "a" * 64), ("v2", "b" * 64))
+    ]
+    table = result_table([*net, trial("person", *laps_of(11.0))])
+    assert [row.label for row in table.rows] == [
+        "net v2 [aaaaaaaaaaaaa]", "net v2 [bbbbbbbbbbbbb]", "net v10", "person"
+    ]  # fmt: skip
+    assert [row.entry for row in table.rows] == ["net", "net", "net", "person"]
+    (alone,) = result_table(net[:1]).rows
+    assert (alone.label, alone.version) == ("net", "v10")
+
+
+def test_a_row_a_run() -> None:
+    """By run, each recording is a row of its own, named by its file, and its laps are what intervals are taken over."""
+    table = result_table(
+        [trial("a", *laps_of(10.0, 11.0), run="2.mcap"), trial("a", *laps_of(12.0), run="10.mcap")], RowsBy.RUN
+    )
+    assert [(row.label, row.run, row.completion_time_s) for row in table.rows] == [
+        ("a (2.mcap)", "2.mcap", 10.5),
+        ("a (10.mcap)", "10.mcap", 12.0),
+    ]
+    assert table.rows[0].interval_over == "laps"
+
+
+LAPS = st.lists(
+    st.builds(lap, st.floats(5, 90), st.one_of(st.none(), st.floats(0, 100)), valid=st.booleans()), max_size=4
+).map(tuple)
+TRIALS = st.lists(
+    st.builds(
+        lambda name, version, laps: trial(name, *laps, version=version),
+        st.sampled_from(["a", "A", "a2", "a10", "b"]),
+        st.sampled_from(["", "v2", "v10"]),
+        LAPS,
+    ),
+    max_size=7,
+).map(lambda trials: [replace(one, run=f"{k}.mcap") for k, one in enumerate(trials)])
+
+
+@given(trials=TRIALS, seed=st.integers(0, 99), by=st.sampled_from(RowsBy))
+def test_the_order_of_files_changes_nothing(trials: list[Trial], seed: int, by: RowsBy) -> None:
+    """Rows, figures, letters and notes are the same bit for bit, in whatever order recordings are named."""
+    shuffled = random.Random(seed).sample(trials, len(trials))
+    assert result_table(shuffled, by) == result_table(trials, by)
+
+
+@given(trials=TRIALS)
+def test_figures_lie_within_their_intervals(trials: list[Trial]) -> None:
+    """Every mean lies in its interval, every row adds up, and being alike is mutual."""
+    rows = result_table(trials).rows
+    assert sum(row.laps for row in rows) == sum(len(one.laps) for one in trials)
+    by_label = {row.label: row for row in rows}
+    assert len(by_label) == len(rows)
+    for row in rows:
+        assert row.valid_laps <= row.laps <= row.attempted_laps
+        assert all(row.label in by_label[other].indistinguishable_from.completion_time_s
+                   for other in row.indistinguishable_from.completion_time_s)  # fmt: skip
+        if row.completion_time_ci95_low_s is not None:
+            low_s, mean_s, high_s = (
+                row.completion_time_ci95_low_s, row.completion_time_s, row.completion_time_ci95_high_s
+            )  # fmt: skip
+            assert low_s <= mean_s <= high_s
 
 
 def test_json_is_one_object_a_line_and_exact() -> None:
     """What a script reads back are the very numbers, not rounded ones."""
-    rows = entry_rows([Attempt("a", (lap(1 / 3, 100 / 3),)), Attempt("b", ())])
-    objects = [json.loads(line) for line in as_json_lines(rows).splitlines()]
+    table = result_table([trial("a", lap(1 / 3, 100 / 3)), trial("b")])
+    objects = [json.loads(line) for line in as_json_lines(table).splitlines()]
     assert [data["entry"] for data in objects] == ["a", "b"]
     assert (objects[0]["completion_time_s"], objects[0]["similarity_percent"]) == (1 / 3, 100 / 3)
+    first = ["entry", "runs", "laps", "valid_laps", "finished", "similarity_percent", "completion_time_s", "best_lap_s"]
+    assert list(objects[0])[:8] == first
 
 
 @pytest.mark.parametrize("name", ["=1+1", "+x", "-x", "@SUM(A1)", "\t=1", "\r=1", "  =1", "\n=1"])
 def test_a_name_is_never_a_formula_in_a_spreadsheet(name: str) -> None:
     """A cell that a spreadsheet would run is marked as text."""
-    (cells,) = csv.DictReader(io.StringIO(as_csv(entry_rows([Attempt(name, ())])), newline=""))
+    (cells,) = csv.DictReader(io.StringIO(as_csv(result_table([trial(name)])), newline=""))
     assert cells["entry"].startswith("'")
     assert cells["entry"].endswith(name.strip())
 
@@ -108,16 +243,46 @@ def test_a_name_is_never_a_formula_in_a_spreadsheet(name: str) -> None:
 @example(names=["\r", '"', ",", "a\nb"])
 def test_csv_has_a_line_an_entry_whatever_the_names(names: list[str]) -> None:
     """Quotes, commas and line feeds in names never shift a cell."""
-    rows = list(csv.reader(io.StringIO(as_csv(entry_rows([Attempt(name, ()) for name in names])), newline="")))
-    assert [row[0].removeprefix("'") for row in rows[1:]] == [printable(name).removeprefix("'") for name in names]
-    assert {len(row) for row in rows} == {8}
+    rows = list(csv.reader(io.StringIO(as_csv(result_table(map(trial, names))), newline="")))
+    assert sorted(row[0].removeprefix("'") for row in rows[1:]) == sorted(
+        printable(name).removeprefix("'") for name in names
+    )
+    assert {len(row) for row in rows} == {len(COLUMNS)}
 
 
 def test_text_stays_aligned_with_wide_and_hostile_names() -> None:
     """Double-width letters keep the columns straight, and a name cannot write escape codes to the terminal."""
-    rows = entry_rows([Attempt("東京", PAPER[0].laps), Attempt("\x1b[2Jx\ny", PAPER[0].laps)])
-    lines = as_text(rows).splitlines()
-    assert len(lines) == 4
-    assert lines[2].startswith("東京     1 of 1")
-    assert len({cell_len(line) for line in lines}) == 1
-    assert lines[3].startswith("?[2Jx y")
+    table = result_table([trial("東京", *PAPER[0].laps), trial("\x1b[2Jx\ny", *PAPER[0].laps)])
+    lines = as_text(table).splitlines()
+    assert lines[3].startswith("東京        1  1 of 1")
+    assert len({cell_len(line) for line in lines[:4]}) == 1
+    assert lines[2].startswith("?[2Jx y")
+    assert all(line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("50 % & more_", r"50 \% \& more\_"),
+        ("a\\b{c}", r"a\textbackslash{}b\{c\}"),
+        ("$x^2~#1", r"\$x\textasciicircum{}2\textasciitilde{}\#1"),
+        ("[new]", "{}[new]"),
+        ("*", "{}*"),
+        ("a\nb", "a b"),
+    ],
+)
+def test_latex_sets_a_name_as_it_is(name: str, expected: str) -> None:
+    """Special characters are escaped, and a name cannot be taken for an option of the row before."""
+    assert escaped(name) == expected
+    assert f"\n{expected} & 1 & " in as_latex(result_table([trial(name, *laps_of(10.0))]))
+
+
+def test_latex_is_a_booktabs_tabular_with_as_many_cells_in_every_row() -> None:
+    """Every row has as many cells as the head and the column types, and columns without any figure are left out."""
+    for table, columns in ((result_table(ALIKE), 9), (result_table(PAPER), 7), (ResultTable(rows=(), notes=()), 7)):
+        lines = as_latex(table).splitlines()
+        (types,) = (line for line in lines if line.startswith(r"\begin{tabular}"))
+        assert types == rf"\begin{{tabular}}{{l{'r' * (columns - 1)}}}"
+        rows = [line for line in lines if line.endswith(r" \\")]
+        assert [row.count(" & ") for row in rows] == [columns - 1] * (len(table.rows) + 1)
+        assert [lines.count(rule) for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"\end{tabular}")] == [1] * 4
