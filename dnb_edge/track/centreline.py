@@ -8,7 +8,9 @@ left. A closed route's s_m goes round; an open one's (point to point) ends at 0 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
 from dnb_edge.track.curvature import curvature
+from dnb_edge.track.nearest import SegmentGrid
 from dnb_edge.values import PointM, Points
 
 Floats = NDArray[np.float64]
@@ -25,6 +28,18 @@ _BLOCK = 512
 
 _ALONG = 0.5
 """Cosine of the angle (60 degrees) within which a stretch of the route still runs along a direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Plain:
+    """The same numbers as plain floats, for single places: numpy takes longer to be asked for one than to find it."""
+
+    s_m: list[float]
+    points_m: list[list[float]]
+    half_left_m: list[float]
+    half_right_m: list[float]
+    lengths_m: list[float]
+    tangents: list[list[float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,6 +63,8 @@ class Centreline:
     """Length of the polyline, with the way from the last point to the first where it is closed."""
     _lengths_m: Floats = field(init=False, repr=False)
     _tangents: Points = field(init=False, repr=False)
+    _plain: _Plain = field(init=False, repr=False)
+    _grid: SegmentGrid = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Raises `InputError` for shapes that do not fit, repeated neighbours or half-widths that are not positive."""
@@ -71,6 +88,11 @@ class Centreline:
         self._set("_lengths_m", lengths)
         self._set("_tangents", chords / lengths[:, None])
         object.__setattr__(self, "length_m", float(s_m[-1]))
+        plain = {name: getattr(self, f"_{name}").tolist() for name in ("lengths_m", "tangents")}
+        plain |= {name: getattr(self, name).tolist() for name in ("s_m", *_STORED)}
+        object.__setattr__(self, "_plain", _Plain(**plain))
+        grid = SegmentGrid(points[: len(lengths)], self._tangents, lengths, self.s_m[: len(lengths)])
+        object.__setattr__(self, "_grid", grid)
 
     def _set(self, name: str, array: Floats) -> None:
         array.setflags(write=False)
@@ -91,6 +113,7 @@ class Centreline:
 
         s_m is in [0, length_m), or [0, length_m] where the route is open; d_m is the distance to the centreline, positive to
         the left of the direction of travel. Beyond an open route's end, s_m is that end's and d_m the distance to it.
+        `locate_point` says the same of a single point, or of those of one path one by one, in less time.
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         everywhere = np.arange(len(self._lengths_m))
@@ -98,6 +121,14 @@ class Centreline:
         if not blocks:
             return np.empty(0), np.empty(0)
         return np.concatenate([s for s, _ in blocks]), np.concatenate([d for _, d in blocks])
+
+    def locate_point(self, point_m: PointM) -> tuple[float, float]:
+        """(s_m, d_m) of one point, track m: what `locate` says, to the last bit."""
+        found = self._grid.nearest(*point_m)
+        if found is None:
+            return self._projected(point_m, np.arange(len(self._lengths_m)))
+        s_m, d_m = found
+        return s_m - self.length_m if self.closed and s_m >= self.length_m else s_m, d_m
 
     def locate_near(self, point_m: PointM, *, s_hint_m: float, window_m: float) -> tuple[float, float]:
         """(s_m, d_m) of one point, track m, on the stretch of the route within `window_m` of `s_hint_m` along it.
@@ -125,7 +156,7 @@ class Centreline:
         It is the nearest place of the whole route where that is in reach, or where the path has left the stretch in reach
         by more than the lane's width; else, where the route crosses itself or comes near itself, the place in reach.
         """
-        (s_m,), (d_m,) = (values.tolist() for values in self.locate(np.array([point_m])))
+        s_m, d_m = self.locate_point(point_m)
         if abs(self.step_m(s_hint_m, s_m)) <= reach_m:
             return s_m, d_m
         near_s_m, near_d_m = self.locate_near(point_m, s_hint_m=s_hint_m, window_m=reach_m)
@@ -137,12 +168,13 @@ class Centreline:
         """(s_m, d_m), each (n,), of the points (n, 2), track m, of one path in the order in which it was driven: each as
         `follow` finds it from the one before, so that a crossing does not change the branch.
         """
-        s_m, d_m = self.locate(path_m)
-        for i in range(1, len(s_m)):
-            reach_m = 2 * math.dist(path_m[i - 1], path_m[i]) + sum(self.half_widths_at(float(s_m[i - 1])))
-            if abs(self.step_m(float(s_m[i - 1]), float(s_m[i]))) > reach_m:
-                point_m = (float(path_m[i][0]), float(path_m[i][1]))
-                s_m[i], d_m[i] = self.follow(point_m, s_hint_m=float(s_m[i - 1]), reach_m=reach_m)
+        points: list[PointM] = [(x, y) for x, y in path_m.tolist()]
+        places = [self.locate_point(point_m) for point_m in points[:1]]
+        for before_m, point_m in pairwise(points):
+            s_hint_m = places[-1][0]
+            reach_m = 2 * math.dist(before_m, point_m) + sum(self.half_widths_at(s_hint_m))
+            places.append(self.follow(point_m, s_hint_m=s_hint_m, reach_m=reach_m))
+        s_m, d_m = np.array(places, dtype=np.float64).reshape(-1, 2).T
         return s_m, d_m
 
     def step_m(self, from_s_m: float, to_s_m: float) -> float:
@@ -154,18 +186,17 @@ class Centreline:
 
     def direction_at(self, s_m: float) -> tuple[float, float]:
         """Unit vector of travel, track plane, at `s_m`: any real number, taken round the route, or the end's beyond an end."""
-        x, y = self._tangents[self._segment_at(s_m)]
-        return float(x), float(y)
+        x, y = self._plain.tangents[self._segment_at(s_m)]
+        return x, y
 
     def point_at(self, s_m: float, d_m: float = 0.0) -> PointM:
         """The point, track m, at `s_m` (any real number), `d_m` to the centreline's left. A closed route is taken round, an
         open one goes straight on beyond its ends.
         """
         i = self._segment_at(s_m)
-        along = self._round(s_m) - float(self.s_m[i])
-        x, y = self.points_m[i]
-        tx, ty = self._tangents[i]
-        return float(x + along * tx - d_m * ty), float(y + along * ty + d_m * tx)
+        plain, along = self._plain, self._round(s_m) - self._plain.s_m[i]
+        (x, y), (tx, ty) = plain.points_m[i], plain.tangents[i]
+        return x + along * tx - d_m * ty, y + along * ty + d_m * tx
 
     def points_at(self, s_m: Floats) -> Points:
         """The points (n, 2), track m, of the centreline at the arc lengths `s_m` (n,), each taken as by `point_at`."""
@@ -180,9 +211,8 @@ class Centreline:
         route's end they are that end's.
         """
         i, j, share = self._between(s_m)
-        left = self.half_left_m[i] + share * (self.half_left_m[j] - self.half_left_m[i])
-        right = self.half_right_m[i] + share * (self.half_right_m[j] - self.half_right_m[i])
-        return float(left), float(right)
+        left_m, right_m = self._plain.half_left_m, self._plain.half_right_m
+        return left_m[i] + share * (left_m[j] - left_m[i]), right_m[i] + share * (right_m[j] - right_m[i])
 
     @property
     def curvature_1pm(self) -> Floats:
@@ -241,13 +271,13 @@ class Centreline:
         return s_m % self.length_m if self.closed else s_m
 
     def _segment_at(self, s_m: float) -> int:
-        at = int(np.searchsorted(self.s_m, self._round(s_m), side="right")) - 1
+        at = bisect_right(self._plain.s_m, self._round(s_m)) - 1
         return min(max(at, 0), len(self._lengths_m) - 1)
 
     def _between(self, s_m: float) -> tuple[int, int, float]:
         """The points before and after `s_m` and the share 0..1 of the way between them."""
         i = self._segment_at(s_m)
-        share = (self._round(s_m) - float(self.s_m[i])) / float(self._lengths_m[i])
+        share = (self._round(s_m) - self._plain.s_m[i]) / self._plain.lengths_m[i]
         return i, (i + 1) % len(self.points_m), share if self.closed else min(max(share, 0.0), 1.0)
 
     def _projected(self, point_m: PointM, segments: NDArray[np.intp]) -> tuple[float, float]:

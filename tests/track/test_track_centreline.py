@@ -178,3 +178,34 @@ def test_nobody_can_change_it():
     assert route.points_m[0, 0] == 0
     with pytest.raises(ValueError, match="read-only"):
         route.points_m[0] = 1
+
+
+def wavy_route(seed, closed):
+    """A route that comes near itself, with segments of quite different lengths."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(3, 200))
+    a = np.sort(random.uniform(0, 2 * math.pi, n))
+    points = np.column_stack((np.cos(a), np.sin(2 * a))) * random.uniform(0.01, 100) + random.normal(0, 1e-3, (n, 2))
+    return Centreline(points_m=points, half_left_m=np.full(n, 0.2), half_right_m=np.full(n, 0.2), closed=closed)
+
+
+@given(seed=st.integers(0, 2**32 - 1), closed=st.booleans())
+def test_one_point_is_located_as_by_the_whole_search(seed, closed):
+    """Among few segments the very same nearest is found, to the last bit: beside the route, on it, on its points, far off."""
+    route = wavy_route(seed, closed)
+    random = np.random.default_rng(seed)
+    extent_m = float(np.ptp(route.points_m, axis=0).max())
+    anywhere = random.uniform(-1.5, 1.5, (30, 2)) * extent_m
+    laid_out = [route.point_at(s, d) for s, d in random.uniform(0, 1, (40, 2)) * (route.length_m, extent_m / 50)]
+    points = np.vstack((anywhere, laid_out, route.points_m, route.points_m.mean(axis=0)))
+    s_m, d_m = route.locate(points)
+    found = [route.locate_point((x, y)) for x, y in points.tolist()]
+    assert found == list(zip(s_m.tolist(), d_m.tolist(), strict=True))
+    # Again, now that its cells are known.
+    assert [route.locate_point((x, y)) for x, y in points.tolist()] == found
+
+
+def test_places_equally_far_are_told_apart_as_by_the_whole_search():
+    """In the middle of the square all sides are equally near: the first is taken, as always."""
+    assert square().locate_point((1.0, 1.0)) == (1.0, 1.0)
+    assert [values.tolist() for values in square().locate(np.array([[1.0, 1.0]]))] == [[1.0], [1.0]]
