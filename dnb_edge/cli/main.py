@@ -13,7 +13,22 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import bench, calibrate, config, demo, model, mount, results, run, runs, table, teach, track
+from dnb_edge.cli import (
+    bench,
+    calibrate,
+    config,
+    demo,
+    judge,
+    model,
+    mount,
+    results,
+    run,
+    runs,
+    score,
+    table,
+    teach,
+    track,
+)
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
@@ -24,7 +39,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo.demo)
 app.command("run")(run.run)
-app.command("score")(results.score)
+app.command("score")(score.score)
 app.command("table")(table.table)
 app.command("report")(results.report)
 app.command("bench")(bench.bench)
@@ -32,6 +47,7 @@ app.command("teach")(teach.teach)
 app.add_typer(track.app, name="track")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(runs.app, name="runs")
+app.add_typer(judge.app, name="judge")
 app.add_typer(config.app, name="config")
 app.add_typer(model.app, name="model")
 app.add_typer(mount.app, name="mount")

@@ -38,6 +38,10 @@ class Replayed:
     events: tuple[Event, ...]
     """In order; the last is the run's summary. A judge's edits are laid over them where there are any and they are wanted."""
     warnings: tuple[str, ...]
+    run: RunIdentity
+    """What tells this recording from others."""
+    frames_t_ns: tuple[int, ...]
+    """Stamps of all frames."""
     raw_laps: tuple[Lap, ...] = ()
     """As the race made them, without edits."""
     edits: tuple[Edit, ...] = ()
@@ -54,6 +58,9 @@ class Replayed:
             track=self.setup.track,
             recording=self.path.name,
             warnings=self.warnings,
+            raw_laps=() if self.marshalled is None else self.raw_laps,
+            edits=self.edits,
+            marshalled=self.marshalled,
             calibration=self.calibration,
             config=self.header.config,
             hashes=self.hashes,
@@ -76,7 +83,8 @@ def replay(
         hashes = dict(run.header.setup["sha256"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: its setup cannot be read ({error}): it was made by another version") from error
-    log = read_edits(path, RunIdentity.of(run.header, run.first_t_ns)) if edits else None
+    identity = RunIdentity.of(run.header, run.first_t_ns)
+    log = read_edits(path, identity) if edits else None
     if changed is not None:
         setup = changed(setup, run.header)
     events, frames_t_ns = _race(run, setup)
@@ -88,6 +96,8 @@ def replay(
         hashes=hashes,
         events=events,
         warnings=run.warnings,
+        run=identity,
+        frames_t_ns=frames_t_ns,
         raw_laps=tuple(event for event in events if isinstance(event, Lap)),
     )
     if log is None:
@@ -112,7 +122,7 @@ def edit_warning(told: Told) -> str:
     return f"edit {edit.number} ({edit.action.value} {edit.subject}, {printable(edit.author)}): {told.text}"
 
 
-def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], list[int]]:
+def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], tuple[int, ...]]:
     """(events, the stamps of all frames)."""
     core = Core(setup)
     events: list[Event] = []
@@ -124,7 +134,7 @@ def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], list[i
     found = {event.t_ns for event in events if isinstance(event, Observation)}
     laps = sum(isinstance(event, Lap) for event in events)
     summary = RunSummary(frames=len(frames_t_ns), detected_frames=len(found), laps=laps, recording=str(run.path))
-    return (*events, summary), frames_t_ns
+    return (*events, summary), tuple(frames_t_ns)
 
 
 def _twin(config: dict[str, Any]) -> BgrImage | None:

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+from dnb_edge.race.edit import Edit
+from dnb_edge.race.marshal import Marshalled
 from dnb_edge.track.model import START_LINE, Track
 from dnb_edge.values import (
     BgrImage,
@@ -42,6 +44,12 @@ class RunResult:
     crossings: tuple[Crossing, ...] = ()
     paths_m: tuple[Points, ...] = ()
     """The driven path of each lap, (n, 2), track m; (0, 2) where it was not seen."""
+    raw_laps: tuple[Lap, ...] = ()
+    """As the race made them, before a judge's edits; empty where there are none of those."""
+    edits: tuple[Edit, ...] = ()
+    """A judge's, all of them; they are laid over `laps` already."""
+    marshalled: Marshalled | None = None
+    """What the edits came to, lap by lap; None where there are none."""
     incidents: tuple[Incident, ...] = ()
     thumbnails: Mapping[tuple[int, int], bytes] = field(default_factory=dict)
     """JPEG pictures of incidents, by (car, number)."""

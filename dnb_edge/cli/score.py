@@ -1,0 +1,110 @@
+"""`dnb-edge score`: the laps and scores of finished recordings, computed again from their detections."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from dnb_edge import wire
+from dnb_edge.cli.replayed import Replayed, replay
+from dnb_edge.cli.results import Runs, recordings
+from dnb_edge.daemon.sinks import JsonSink
+from dnb_edge.display.picture import lap_line
+from dnb_edge.race.marshal import Marshalled, MarshalledLap
+from dnb_edge.record.edits import edits_path
+from dnb_edge.report.table import printable
+from dnb_edge.values import Event, Lap, RunSummary
+
+WithEdits = Annotated[bool, typer.Option("--edits/--no-edits", help="Lay a judge's edits over the laps.")]
+
+
+def score(
+    runs: Runs,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object a line, as `run --json` prints them.")
+    ] = False,
+    observations: Annotated[
+        bool, typer.Option("--observations", help="With --json: one line a frame as well.")
+    ] = False,
+    edits: WithEdits = True,
+) -> None:
+    """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run.
+
+    A judge's edits (`dnb-edge judge`) are laid over them; --no-edits gives what the race itself said.
+    """
+    for path in recordings(runs):
+        replayed = replay(path, edits=edits)
+        if as_json:
+            _print_json(replayed, observations=observations)
+        else:
+            _print_text(replayed)
+        for warning in replayed.warnings:
+            Console(stderr=True, markup=False).print(f"  {warning}", highlight=False, soft_wrap=True)
+
+
+def _print_json(replayed: Replayed, *, observations: bool) -> None:
+    sink = JsonSink(sys.stdout, observations=observations)
+    if replayed.marshalled is None:
+        for event in replayed.events:
+            sink.event(event)
+        return
+    typer.echo(json.dumps(_edits_line(replayed, replayed.marshalled)))
+    changed = {id(one.lap): one for one in replayed.marshalled.laps if one.edits}
+    for event in replayed.events:
+        one = changed.get(id(event))
+        if one is None:
+            sink.event(event)
+        else:
+            typer.echo(json.dumps(json.loads(wire.event_to_json(one.lap)) | _history(one)))
+
+
+def _edits_line(replayed: Replayed, marshalled: Marshalled) -> dict[str, Any]:
+    """The first JSON line of an edited run: all edits, what became of them, and the laps that were taken away."""
+    return {
+        "event": "edits",
+        "file": str(edits_path(replayed.path)),
+        "edits": [wire.to_dict(edit) for edit in replayed.edits],
+        "undone": [edit.number for edit in marshalled.undone],
+        "without_effect": [{"number": told.edit.number, "text": told.text} for told in marshalled.without_effect],
+        "moved": [{"number": told.edit.number, "text": told.text} for told in marshalled.moved],
+        "removed": [wire.to_dict(one.lap) | _history(one) for one in marshalled.removed],
+    }
+
+
+def _history(one: MarshalledLap) -> dict[str, Any]:
+    """The members that a lap with edits has besides its own: their numbers, and the race's own laps in it."""
+    return {"edited_by": [edit.number for edit in one.edits], "raw": [wire.to_dict(lap) for lap in one.raw]}
+
+
+def _print_text(replayed: Replayed) -> None:
+    console = Console(markup=False)
+    console.print(f"{replayed.path}  ({replayed.header.name})", highlight=False, soft_wrap=True)
+    for line in _lines(replayed.events, replayed.marshalled):
+        console.print(f"  {line}", highlight=False, soft_wrap=True)
+
+
+def _lines(events: tuple[Event, ...], marshalled: Marshalled | None) -> list[str]:
+    lines = []
+    changed = {} if marshalled is None else {id(one.lap): one for one in marshalled.laps if one.edits}
+    for event in events:
+        if isinstance(event, Lap):
+            one = changed.get(id(event))
+            lines += [lap_line(event), *(() if one is None else told_edits(one))]
+        elif isinstance(event, RunSummary):
+            for gone in () if marshalled is None else marshalled.removed:
+                lines += [f"removed: {lap_line(gone.lap)}", *told_edits(gone)]
+            lines.append(f"{event.laps} laps in {event.frames} frames")
+    return lines
+
+
+def told_edits(one: MarshalledLap) -> list[str]:
+    """A line for each edit of a lap: number, action, author and reason."""
+    return [
+        f"  edit {edit.number}: {edit.action.value} by {printable(edit.author)}: {printable(edit.reason)}"
+        for edit in one.edits
+    ]
