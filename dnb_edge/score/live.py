@@ -39,6 +39,9 @@ LIVE_POINTS = 500
 LEAST_SHARE = 0.05
 """Of less than this share of a lap there is no similarity: a centimetre at the start would count too much."""
 
+NEAR_M = 0.1
+"""The route's driven stretch ends where it fits best, so far at most from the car's place, metres."""
+
 SPEED_S = 0.3
 """The speed is that over the last so many seconds."""
 
@@ -201,16 +204,20 @@ class _Likeness:
 
     def percent(self, share: float) -> float | None:
         """Similarity of the path so far to the first `share`, 0..1, of the route; None where that is too little."""
-        end = round(share * (len(self._route) - 1))
         if share < LEAST_SHARE or self._table.points == 0:
             return None
-        distance_m = self._table.to(end)
+        # Points that wait are not yet compared; the filter's place and the path's end are a little apart.
+        middle = share * (len(self._route) - 1) - self._arm
+        around = NEAR_M / self._spacing_m
+        first, last = max(0, math.floor(middle - around)), min(len(self._route) - 1, math.ceil(middle + around))
+        distances_m = self._table.to(first, last)
+        covered = np.arange(first, last + 1) + 1.0
         if self._programme is Programme.DTW_SYMMETRIC:
-            distance_m /= self._table.points + end + 1
+            distances_m /= self._table.points + covered
         elif self._programme is Programme.DTW:
             # The whole lap is scored by as many points as the route has: so is its part, however long its path is.
-            distance_m /= max(self._table.points, end + 1)
-        return similarity_percent(distance_m, self._settings.baseline_m)
+            distances_m /= np.maximum(self._table.points, covered)
+        return similarity_percent(float(distances_m.min()), self._settings.baseline_m)
 
     def _add(self, point_m: PointM) -> None:
         self._points.append(point_m)

@@ -50,13 +50,13 @@ class PrefixTable:
         self._row = self._next_row(local)
         self._points += 1
 
-    def to(self, end: int) -> float:
-        """The distance of the points so far to the reference's points up to `end`, which is one of them. Raises `ValueError`
-        before the first point.
+    def to(self, first: int, last: int) -> Floats:
+        """The distances of the points so far to the reference's points up to each of those from `first` to `last`, which are
+        among them: (last - first + 1,). Raises `ValueError` before the path's first point.
         """
         if self._row is None:
             raise ValueError("a path of 0 points has no distance")
-        return float(self._row[end])
+        return self._row[first : last + 1].copy()
 
     def _next_row(self, local: Floats) -> Floats:
         frechet = self._programme is Programme.FRECHET
@@ -84,6 +84,8 @@ def _leashed(way: Floats, local: Floats) -> Floats:
     """Row t of t[j] = max(local[j], min(way[j], t[j - 1]))."""
     row, leash = [], np.inf
     for above, distance in zip(way.tolist(), local.tolist(), strict=True):
-        leash = max(distance, min(above, leash))
+        # Plain comparisons: this is the one loop over scalars, and calls of min and max would triple it.
+        leash = above if above < leash else leash
+        leash = distance if distance > leash else leash
         row.append(leash)
     return np.array(row)

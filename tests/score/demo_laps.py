@@ -1,10 +1,11 @@
-"""Laps of the demo track as the race hands them over, seen by a camera of any rate, with noise and drops; for the tests here."""
+"""Laps of the demo track as the race hands them over, seen by a camera of any rate, with noise and drops; for the tests."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from dnb_edge.values import Crossing, Direction, Lap, Observation, Points
 def demo_track(points: int = 740) -> Track:
     """The demo track by its own geometry, without its picture."""
     circuit = demo_circuit()
-    s_m = circuit.start_s_m + np.arange(points) * (circuit.centreline.length_m / points)
+    s_m = circuit.start_s_m + np.arange(points, dtype=np.float64) * (circuit.centreline.length_m / points)
     half = np.full(points, circuit.lane_width_m / 2)
     start_m, end_m = circuit.start_line_m
     return Track(
@@ -54,7 +55,7 @@ class Camera:
 def seen(driven: Drive, camera: Camera) -> tuple[np.ndarray, Points]:
     """(t_s (n,), observed points (n, 2)) of the frames in which the car is seen."""
     random = np.random.default_rng(camera.seed)
-    t_s = (np.arange(int(driven.duration_s * camera.fps)) + camera.phase) / camera.fps
+    t_s = (np.arange(int(driven.duration_s * camera.fps), dtype=np.float64) + camera.phase) / camera.fps
     t_s = t_s[random.random(len(t_s)) >= camera.drops]
     return t_s, driven.points(t_s) + random.normal(0.0, camera.noise_m, (len(t_s), 2))
 
@@ -101,5 +102,5 @@ def demo_laps(driven: Drive, camera: Camera) -> Iterator[DrivenLap]:
     fixes = fixes_at(*seen(driven, camera))
     places = [(float(x), float(y)) for x, y in driven.points(np.array(driven.crossings_s))]
     crossings = [crossing(t_s, at) for t_s, at in zip(driven.crossings_s, places, strict=True)]
-    for number, (start, end) in enumerate(zip(crossings, crossings[1:], strict=False), start=1):
+    for number, (start, end) in enumerate(pairwise(crossings), start=1):
         yield lap_of(fixes, start, end, number=number)
