@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from dnb_edge.track.centreline import Centreline
-from dnb_edge.values import Observation, PointM, path_points
+from dnb_edge.values import Observation, PointM, PointPx, StampSource, path_points
 
 BEFORE_ALL_NS = -(2**63)
 """Earlier than any stamp."""
@@ -20,6 +20,35 @@ LOST_S = 1.0
 
 HEADING_M = 0.1
 """Way that tells in which direction the car drives, and so on which branch of a crossing it was found, metres."""
+
+
+STAMP_SIGMA_S: dict[StampSource | None, float] = {
+    StampSource.START_OF_FRAME: 0.3e-3,
+    StampSource.END_OF_FRAME: 0.3e-3,
+    StampSource.ARRIVAL: 4e-3,
+    StampSource.MEDIA: 0.3e-3,
+    StampSource.SIMULATED: 0.0,
+    None: 0.0,
+}
+"""One standard deviation of a single stamp against its neighbours, seconds. Assumed, not measured: the kernel stamps in an
+interrupt, or uvcvideo from the camera's clock, to a few tenths of a millisecond; a stamp on arrival waits for the bus and the
+scheduler (users of usb_cam and pupil report tens of milliseconds, constant parts of which cancel between laps); Matroska
+rounds to 1 ms, which has a standard deviation of 1/sqrt(12) ms. None is a recording that does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameStamps:
+    """What the stamps of a source's frames mean: when in each frame a row was read, and how sure that is."""
+
+    source: StampSource | None = None
+    row_s: float = 0.0
+    """Time from one row of the picture to the next, seconds; 0 where all are seen at once, or nobody knows."""
+    height_px: int = 0
+
+    def read_after_ns(self, v_px: float) -> int:
+        """How long after the frame's stamp row `v_px` was read, ns; negative where the stamp is that of the frame's end."""
+        at_end = self.source in (StampSource.END_OF_FRAME, StampSource.ARRIVAL)
+        return round((v_px - (self.height_px - 1 if at_end else 0)) * self.row_s * 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +70,21 @@ class Fix:
     """Metres beyond the lane's edge; negative inside the lane."""
     progress_m: float
     """Distance driven along the route since the first fix, metres; falls while the car goes backwards."""
+    read_after_ns: int = 0
+    """How long after `t_ns` the row of the picture that shows the car was read, ns (rolling shutter)."""
+    stamp_sigma_s: float = 0.0
+    """One standard deviation of this frame's stamp against its neighbours', seconds."""
+    camera_px: PointPx | None = None
+    """Where in the picture it was observed, camera px; None where nobody told."""
+
+    @property
+    def seen_t_ns(self) -> int:
+        """When the car was where it was observed, on the frames' clock."""
+        return self.t_ns + self.read_after_ns
+
+
+PLAIN_STAMPS = FrameStamps()
+"""Stamps of which nothing is known: they are taken as they are."""
 
 
 class Progress:
@@ -57,7 +101,9 @@ class Progress:
         """Stamp of the latest fix; before the first one, earlier than any stamp."""
         return BEFORE_ALL_NS if self._last is None else self._last.t_ns
 
-    def fix(self, observation: Observation, *, target_id: int, track_m: PointM) -> Fix:
+    def fix(
+        self, observation: Observation, *, target_id: int, track_m: PointM, stamps: FrameStamps = PLAIN_STAMPS
+    ) -> Fix:
         """The fix for one observation of the car and its filtered position `track_m`, track m."""
         route, last = self._centreline, self._last
         s_m, d_m = self._located(observation.t_ns, track_m)
@@ -79,6 +125,9 @@ class Progress:
             d_m=d_m,
             outside_m=route.outside_by_m(s_m, d_m),
             progress_m=0.0 if last is None else last.progress_m + step_m,
+            camera_px=observation.camera_px,
+            read_after_ns=stamps.read_after_ns(observation.camera_px[1]),
+            stamp_sigma_s=STAMP_SIGMA_S[stamps.source],
         )
         if last is not None and fix.t_ns > last.t_ns:
             self._speed_mps += 0.2 * (abs(step_m) * 1e9 / (fix.t_ns - last.t_ns) - self._speed_mps)
