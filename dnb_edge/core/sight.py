@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dnb_edge.motion.appearance import Sighting
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.values import Detection, Observation
-from dnb_edge.view.ground import GroundMap
+from dnb_edge.view.ground import GroundMap, Slopes
 
 
 class Sight:
@@ -32,35 +29,39 @@ class Sight:
         if track_m is None:
             return None
         below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else detection.camera_px
-        jacobian = ground.jacobian(detection.camera_px) * ground.share_at(height_m)
-        covariance = jacobian @ jacobian.T * detection.sigma_px**2
+        share, variance = ground.share_at(height_m), detection.sigma_px**2
+        xu, xv, yu, yv = (slope * share for slope in ground.slopes(detection.camera_px))
         observation = Observation(
             t_ns=t_ns,
             t_s=t_s,
             camera_px=below_px if below_px is not None else detection.camera_px,
             track_m=track_m,
-            covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+            covariance_m2=(
+                (xu * xu + xv * xv) * variance,
+                (xu * yu + xv * yv) * variance,
+                (yu * yu + yv * yv) * variance,
+            ),
             confidence=detection.confidence,
             length_px=detection.length_px,
         )
         return Sighting(
             observation=observation,
             on_lane=self._on_lane(observation),
-            length_m=detection.length_px * math.sqrt(abs(float(np.linalg.det(jacobian)))),
+            length_m=detection.length_px * math.sqrt(abs(xu * yv - xv * yu)),
             marker_id=detection.marker_id,
             colour_bgr=detection.colour_bgr,
-            heading_rad=_heading_on_track(detection.heading_rad, jacobian),
+            heading_rad=_heading_on_track(detection.heading_rad, (xu, xv, yu, yv)),
         )
 
     def _on_lane(self, observation: Observation) -> bool:
         route = self._route
-        (s_m,), (d_m,) = (values.tolist() for values in route.locate(np.array([observation.track_m])))
-        return route.outside_by_m(s_m, d_m) <= self._margin_m
+        return route.outside_by_m(*route.locate_point(observation.track_m)) <= self._margin_m
 
 
-def _heading_on_track(heading_rad: float | None, jacobian: NDArray[np.float64]) -> float | None:
+def _heading_on_track(heading_rad: float | None, slopes: Slopes) -> float | None:
     """The direction on the track plane, atan2(dy, dx), of one in the picture, atan2(-v, u)."""
     if heading_rad is None:
         return None
-    x, y = (jacobian @ (math.cos(heading_rad), -math.sin(heading_rad))).tolist()
-    return math.atan2(y, x)
+    xu, xv, yu, yv = slopes
+    right, down = math.cos(heading_rad), -math.sin(heading_rad)
+    return math.atan2(yu * right + yv * down, xu * right + xv * down)

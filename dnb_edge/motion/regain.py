@@ -10,8 +10,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dnb_edge.motion.doubt import MARGIN
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.motion.target import Followed, renamed
@@ -46,7 +44,7 @@ class Along:
 def along(route: Centreline, target: Followed, t_ns: int) -> Along:
     """Where `target` is expected at `t_ns` along the route from where it was last seen."""
     estimate = target.seen_estimate
-    s_m, d_m = _located(route, estimate.track_m)
+    s_m, d_m = route.locate_point(estimate.track_m)
     speed = _speed_along(route, target, s_m)
     unseen_s = (t_ns - estimate.t_ns) * 1e-9
     left_m, right_m = route.half_widths_at(s_m + speed * unseen_s)
@@ -55,11 +53,11 @@ def along(route: Centreline, target: Followed, t_ns: int) -> Along:
 
 def is_in_reach(route: Centreline, missing: Followed, point_m: PointM, t_ns: int) -> bool:
     """Whether the missing car can be at `point_m`: between where it was seen and half as far again as its speed brings it."""
-    s_m, _ = _located(route, missing.seen_estimate.track_m)
+    s_m, _ = route.locate_point(missing.seen_estimate.track_m)
     speed = _speed_along(route, missing, s_m)
     unseen_s = (t_ns - missing.seen_estimate.t_ns) * 1e-9
     driven_m = _FASTER * abs(speed) * unseen_s + _ACCELERATION_MPS2 * unseen_s**2 / 2
-    here_m, _ = _located(route, point_m)
+    here_m, _ = route.locate_point(point_m)
     ahead_m = math.copysign(1.0, speed) * (here_m - s_m)
     length_m = route.length_m
     return (ahead_m + _SLACK_M) % length_m <= driven_m + 2 * _SLACK_M
@@ -99,7 +97,7 @@ def taken_for(route: Centreline | None, newcomer: Followed, missing: Sequence[Fo
         return chosen
     if route is None:
         return max(possible, key=lambda car: (car.last.t_ns, -car.target_id))
-    here_m, _ = _located(route, newcomer.last.track_m)
+    here_m, _ = route.locate_point(newcomer.last.track_m)
     return min(possible, key=lambda car: (_away_m(route, car, here_m, newcomer.last.t_ns), car.target_id))
 
 
@@ -129,11 +127,6 @@ def _moves(target: Followed) -> bool:
 def _away_m(route: Centreline, car: Followed, here_m: float, t_ns: int) -> float:
     apart_m = (here_m - along(route, car, t_ns).s_m) % route.length_m
     return min(apart_m, route.length_m - apart_m)
-
-
-def _located(route: Centreline, point_m: PointM) -> tuple[float, float]:
-    (s_m,), (d_m,) = (values.tolist() for values in route.locate(np.array([point_m])))
-    return s_m, d_m
 
 
 def _speed_along(route: Centreline, target: Followed, s_m: float) -> float:

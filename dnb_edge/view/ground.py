@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -22,6 +23,9 @@ from dnb_edge.view.lens import Lens
 
 Matrix3: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """A 3x3 matrix, row by row."""
+
+Slopes: TypeAlias = tuple[float, float, float, float]
+"""d(x, y)/d(u, v) as (dx/du, dx/dv, dy/du, dy/dv), metres per px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,8 +130,8 @@ class GroundMap:
         ideal_px = _divide(_apply(_inverse(self.camera_to_twin), twin_px), "track m behind the camera")
         return ideal_px if self.lens is None else self.lens.to_camera_px(ideal_px)
 
-    def jacobian(self, camera_px: PointPx) -> NDArray[np.float64]:
-        """d(track m)/d(camera px), shape (2, 2), at one camera px below the horizon; raises `ValueError` beyond it."""
+    def slopes(self, camera_px: PointPx) -> Slopes:
+        """d(track m)/d(camera px) at one camera px below the horizon; raises `ValueError` beyond it."""
         u, v = self._ideal_px(camera_px)
         a, b, c, d, e, f, g, h, i = self.camera_to_twin
         w = g * u + h * v + i
@@ -135,8 +139,15 @@ class GroundMap:
             raise ValueError(f"camera px {camera_px} beyond the horizon")
         x, y = (a * u + b * v + c) / w, (d * u + e * v + f) / w
         step = self.scale.metres_per_px / w
-        flat = np.array([[(a - x * g) * step, (b - x * h) * step], [-(d - y * g) * step, -(e - y * h) * step]])
-        return flat if self.lens is None else np.asarray(flat @ _bend(self.lens, camera_px))
+        xu, xv, yu, yv = (a - x * g) * step, (b - x * h) * step, -(d - y * g) * step, -(e - y * h) * step
+        if self.lens is None:
+            return xu, xv, yu, yv
+        uu, uv, vu, vv = _bend(self.lens, camera_px)
+        return xu * uu + xv * vu, xu * uv + xv * vv, yu * uu + yv * vu, yu * uv + yv * vv
+
+    def jacobian(self, camera_px: PointPx) -> NDArray[np.float64]:
+        """`slopes` as a matrix, shape (2, 2)."""
+        return np.reshape(self.slopes(camera_px), (2, 2))
 
     def _ideal_px(self, camera_px: PointPx) -> PointPx:
         if self.lens is None:
@@ -170,11 +181,12 @@ class GroundMap:
             raise InputError(f"ground map: {error!r} in its stored form: calibrate again") from error
 
 
-def _bend(lens: Lens, camera_px: PointPx) -> NDArray[np.float64]:
-    """d(ideal px)/d(camera px), shape (2, 2), at one camera px, by central differences."""
-    steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-    right, left, down, up = lens.to_ideal_px(np.array(camera_px) + steps)
-    return np.column_stack((right - left, down - up))
+def _bend(lens: Lens, camera_px: PointPx) -> tuple[float, float, float, float]:
+    """d(ideal px)/d(camera px) at one camera px, row by row, by central differences."""
+    u, v = camera_px
+    around = np.array([[u + 0.5, v], [u - 0.5, v], [u, v + 0.5], [u, v - 0.5]])
+    (u_right, v_right), (u_left, v_left), (u_down, v_down), (u_up, v_up) = lens.to_ideal_px(around).tolist()
+    return u_right - u_left, u_down - u_up, v_right - v_left, v_down - v_up
 
 
 def _apply(matrix: Matrix3, points: Points) -> NDArray[np.float64]:
@@ -198,6 +210,7 @@ def _determinant(matrix: Matrix3) -> float:
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
+@lru_cache(maxsize=16)
 def _inverse(matrix: Matrix3) -> Matrix3:
     """Cofactors over the determinant; keeps the sign of the third coordinate, so 'in front' stays positive."""
     a, b, c, d, e, f, g, h, i = matrix
