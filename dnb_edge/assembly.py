@@ -10,7 +10,6 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,7 +22,9 @@ from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import FrameSource, open_source
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
-from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
+from dnb_edge.config.rules import load_rule_set
+from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig, names_a_file
+from dnb_edge.config.sections import to_settings
 from dnb_edge.config.track_file import load_track
 from dnb_edge.core import CoreSetup
 from dnb_edge.detect.centre import CentreDetector
@@ -36,7 +37,7 @@ from dnb_edge.detect.ultralytics_file import is_ultralytics
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import LapRules
+from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.record.header import RunHeader, software_versions
 from dnb_edge.record.identity import identity_of
@@ -77,6 +78,7 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
     if tallest_m > 0.0:
         ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=tallest_m)
     limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
+    rules = load_rule_set(config.rules)
     setup = CoreSetup(
         track=track,
         ground=ground,
@@ -85,15 +87,21 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
         laps=settings_of(LapRules, config.race),
         score=settings_of(ScoreSettings, config.score),
         not_scored_because=check(view.error, limit),
+        start=settings_of(StartRules, config.start),
+        format=settings_of(FormatRules, config.format),
+        penalties=settings_of(PenaltyRules, config.penalties),
+        rules=rules.name,
+        rules_version=rules.version,
+        cars=tuple(CarSetup(name=car.name, marker_id=car.marker, colour_bgr=car.colour) for car in config.cars),
     )
     sigma_m = None if view.calibration is None else view.calibration.greatest_sigma_m(track.centreline.points_m)
     return Assembly(setup=setup, calibration=view.error, view_sigma_m=sigma_m)
 
 
-def settings_of(kind: Callable[..., T], section: BaseModel) -> T:
+def settings_of(kind: type[T], section: BaseModel) -> T:
     """The core's settings from their checked section. Raises `InputError` where the values contradict one another."""
     try:
-        return kind(**{name: getattr(section, name) for name in type(section).model_fields})
+        return to_settings(kind, section)
     except ValueError as error:
         raise InputError(f"configuration: {error}") from error
 
@@ -335,10 +343,18 @@ def make_entry(config: Config) -> EntryInfo:
     path = config.entry.checkpoint
     if path is None:
         return config.driver
+    check_checkpoint(config)
     try:
         return replace(config.driver, checkpoint_sha256=_sha256(path))
     except OSError as error:
         raise InputError(f"entry.checkpoint: {path} cannot be read: {error.strerror}") from error
+
+
+def check_checkpoint(config: Config) -> None:
+    """Raises `InputError` where the entry's checkpoint is no file: found out before a run, recorded or not, begins."""
+    path = config.entry.checkpoint
+    if path is not None and not path.is_file():
+        raise InputError(f"entry.checkpoint: there is no file {path}: give the network's weights, or leave it out")
 
 
 def _inputs(config: Config) -> list[Path]:
@@ -348,7 +364,8 @@ def _inputs(config: Config) -> list[Path]:
     if model is None and config.detector.kind != "markers":
         model = default_model_path()
     pairs = (view.keypoints, view.keypoints_camera, view.keypoints_twin)
-    paths = (config.track.file, config.track.image, view.calibration, *pairs, model)
+    rules = Path(config.rules) if names_a_file(config.rules) else None
+    paths = (config.track.file, config.track.image, view.calibration, *pairs, model, rules)
     return [path for path in paths if path is not None]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from dnb_edge.assembly import check_checkpoint
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
@@ -38,6 +40,9 @@ def run(
     record: Annotated[Path | None, typer.Option(help="Directory for the recording (MCAP).")] = None,
     laps: Annotated[int | None, typer.Option(min=1, help="End after so many complete laps.")] = None,
     display: Annotated[str | None, typer.Option(help="serial:/dev/ttyUSB0 for a lap display.")] = None,
+    entry: Annotated[
+        str | None, typer.Option(help="Who or what drives, instead of entry.name; the rest of the entry stays.")
+    ] = None,
     model: Annotated[
         Path | None, typer.Option(help="Another detector model: .onnx with its card, or exported by Ultralytics.")
     ] = None,
@@ -53,7 +58,8 @@ def run(
 
     Runs until the source ends, the wanted laps are complete or Ctrl-C is pressed; the recording is finished in each case.
     """
-    config = load_run_config(config_file, [*(overrides or []), *_shorthands(laps, model)])
+    config = load_run_config(config_file, [*(overrides or []), *_shorthands(laps, model, entry)])
+    check_checkpoint(config)
     uri = source if source is not None else config.capture.source
     if uri is None:
         raise InputError("no source: give --source, or capture.source in the configuration")
@@ -90,6 +96,13 @@ def say_summary(console: Console, summary: RunSummary) -> None:
         console.print(f"Recording: {summary.recording}", highlight=False, soft_wrap=True)
 
 
-def _shorthands(laps: int | None, model: Path | None) -> list[str]:
+def _shorthands(laps: int | None, model: Path | None, entry: str | None) -> list[str]:
     given = [] if laps is None else [f"race.laps={laps}"]
-    return given if model is None else [*given, f"detector.model={model.resolve()}"]
+    if model is not None:
+        given.append(f"detector.model={model.resolve()}")
+    if entry is not None:
+        if not entry.strip():
+            raise InputError("--entry: the name is blank: say who or what drives")
+        # Quoted, so that a name like 12 stays text; both keys, since either may stand in the file.
+        given += [f"{key}={json.dumps(entry, ensure_ascii=False)}" for key in ("name", "entry.name")]
+    return given

@@ -15,7 +15,7 @@ from typing import Any
 from dnb_edge import wire
 from dnb_edge.core import CoreSetup
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules
+from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, rules_digest
 from dnb_edge.score.similarity import ScoreSettings
 
 _DIGITS = 12
@@ -52,7 +52,7 @@ def identity_of(setup: CoreSetup) -> Identity:
     return Identity(
         track=_digest({name: track[name] for name in ("centreline", "start_line", "sector_lines", "finish_line")}),
         calibration=_digest(setup.ground.to_dict()),
-        rules=_digest(rules_of(setup)),
+        rules=rules_digest(rules_of(setup)),
     )
 
 
