@@ -1,4 +1,4 @@
-"""The demo track: one closed circuit with a chicane, and its digital twin drawn by code.
+"""A closed circuit to drive on and its digital twin drawn by code; the demo's track, with a chicane, is one.
 
 Knows the layout in metres, the colours of the twin, and the start line. Knows no camera and no car.
 """
@@ -56,26 +56,46 @@ class Circuit:
     """Arc length of the start line on the centreline."""
     start_line_m: tuple[PointM, PointM]
     """(start, end) of the directed start line, across the whole lane and a little more; driving crosses it forward."""
+    name: str = "demo track"
+    twin_size_px: tuple[int, int] = (TWIN_WIDTH_PX, TWIN_HEIGHT_PX)
+    """(width, height) of the twin's picture, of which one px is `METRES_PER_PX`."""
+
+    @property
+    def scale(self) -> TwinScale:
+        """Twin px to track m and back."""
+        return TwinScale(metres_per_px=METRES_PER_PX, height_px=self.twin_size_px[1])
 
 
 def demo_circuit() -> Circuit:
     """Our own track, driven counter-clockwise seen from above."""
-    centreline = closed_path(_rounded(_CORNERS_M, _ROUNDING_M))
-    start_s = 0.25
-    point = centreline.at(np.array([start_s]))[0]
-    left = centreline.normal(np.array([start_s]))[0]
-    half = 0.5 * LANE_WIDTH_M + 0.03
+    return circuit_along(closed_path(rounded(_CORNERS_M, _ROUNDING_M)), start_s_m=0.25)
+
+
+def circuit_along(
+    centreline: ClosedPath,
+    *,
+    start_s_m: float,
+    lane_width_m: float = LANE_WIDTH_M,
+    name: str = "demo track",
+    twin_size_px: tuple[int, int] = (TWIN_WIDTH_PX, TWIN_HEIGHT_PX),
+) -> Circuit:
+    """The circuit along `centreline` with its start line `start_s_m` along it."""
+    point = centreline.at(np.array([start_s_m]))[0]
+    left = centreline.normal(np.array([start_s_m]))[0]
+    half = 0.5 * lane_width_m + 0.03
     # A car that crosses forward moves to the left of the line's direction, so the line runs from the lane's left to its right.
     start, end = point + half * left, point - half * left
     return Circuit(
         centreline=centreline,
-        lane_width_m=LANE_WIDTH_M,
-        start_s_m=start_s,
+        lane_width_m=lane_width_m,
+        start_s_m=start_s_m,
         start_line_m=((float(start[0]), float(start[1])), (float(end[0]), float(end[1]))),
+        name=name,
+        twin_size_px=twin_size_px,
     )
 
 
-def _rounded(corners_m: tuple[PointM, ...], sigma_m: float) -> list[PointM]:
+def rounded(corners_m: tuple[PointM, ...], sigma_m: float) -> list[PointM]:
     """Knots about 0.1 m apart on the closed polygon `corners_m` after circular Gaussian smoothing along its length."""
     corners = np.asarray([*corners_m, corners_m[0]])
     at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))))
@@ -91,26 +111,30 @@ def _rounded(corners_m: tuple[PointM, ...], sigma_m: float) -> list[PointM]:
 
 def start_line_px(circuit: Circuit) -> tuple[PointPx, PointPx]:
     """The start line in twin px, (start, end)."""
-    start, end = TWIN_SCALE.to_twin_px(np.asarray(circuit.start_line_m))
+    start, end = circuit.scale.to_twin_px(np.asarray(circuit.start_line_m))
     return (float(start[0]), float(start[1])), (float(end[0]), float(end[1]))
 
 
 def demo_twin() -> BgrImage:
-    """The digital twin of the demo track, shape (800, 1200, 3): the lane in its plain colour on white.
+    """The digital twin of the demo track, shape (800, 1200, 3)."""
+    return draw_twin(demo_circuit())
+
+
+def draw_twin(circuit: Circuit) -> BgrImage:
+    """The digital twin of a circuit, of its size: the lane in its plain colour on white.
 
     The start line is marked beside the lane only, so that the lane's colour stays one unbroken band.
     """
-    circuit = demo_circuit()
-    scale = _SUPERSAMPLE
-    canvas = np.full((TWIN_HEIGHT_PX * scale, TWIN_WIDTH_PX * scale, 3), 255, dtype=np.uint8)
+    scale, (width_px, height_px) = _SUPERSAMPLE, circuit.twin_size_px
+    canvas = np.full((height_px * scale, width_px * scale, 3), 255, dtype=np.uint8)
     _draw_grid(canvas, scale)
-    outline = _canvas_px(edge_line(circuit, 0.0), scale)
+    outline = _canvas_px(circuit, edge_line(circuit, 0.0), scale)
     width = round(circuit.lane_width_m / METRES_PER_PX * scale)
     border = round(0.012 / METRES_PER_PX * scale)
     cv2.polylines(canvas, [outline], isClosed=True, color=_INK, thickness=width + 2 * border)
     cv2.polylines(canvas, [outline], isClosed=True, color=lane_bgr(), thickness=width)
     _draw_start_marks(canvas, circuit, scale)
-    small: BgrImage = cv2.resize(canvas, (TWIN_WIDTH_PX, TWIN_HEIGHT_PX), interpolation=cv2.INTER_AREA).astype(np.uint8)
+    small: BgrImage = cv2.resize(canvas, circuit.twin_size_px, interpolation=cv2.INTER_AREA).astype(np.uint8)
     return small
 
 
@@ -128,15 +152,15 @@ def lane_bgr() -> tuple[int, int, int]:
     return round(float(blue)), round(float(green)), round(float(red))
 
 
-def _canvas_px(points_m: Points, scale: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
+def _canvas_px(circuit: Circuit, points_m: Points, scale: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
     # Pixel centres: twin px u lies at scale * (u + 0.5) - 0.5 on the enlarged canvas.
-    return np.asarray(np.rint((TWIN_SCALE.to_twin_px(points_m) + 0.5) * scale - 0.5), dtype=np.int32)
+    return np.asarray(np.rint((circuit.scale.to_twin_px(points_m) + 0.5) * scale - 0.5), dtype=np.int32)
 
 
 def _draw_grid(canvas: BgrImage, scale: int) -> None:
-    for u in range(0, TWIN_WIDTH_PX, 100):
+    for u in range(0, canvas.shape[1] // scale, 100):
         cv2.line(canvas, (u * scale, 0), (u * scale, canvas.shape[0]), _GRID, scale)
-    for v in range(0, TWIN_HEIGHT_PX, 100):
+    for v in range(0, canvas.shape[0] // scale, 100):
         cv2.line(canvas, (0, v * scale), (canvas.shape[1], v * scale), _GRID, scale)
 
 
@@ -151,4 +175,4 @@ def _draw_start_marks(canvas: BgrImage, circuit: Circuit, scale: int) -> None:
                 corner = point + out * (0.5 * circuit.lane_width_m + 0.02 + row * cell) + (column - 1) * across
                 square = np.array([corner, corner + across, corner + across + out * cell, corner + out * cell])
                 colour = _INK if (row + column) % 2 == 0 else _WHITE
-                cv2.fillConvexPoly(canvas, _canvas_px(square, scale), colour)
+                cv2.fillConvexPoly(canvas, _canvas_px(circuit, square, scale), colour)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from dnb_edge.sim.camera import PinholeCamera, mast_camera
 from dnb_edge.sim.circuit import TWIN_SCALE, demo_circuit, edge_line
-from dnb_edge.sim.rig import demo_camera, floor_to_camera_px
+from dnb_edge.sim.places import demo_camera
+from dnb_edge.sim.rig import floor_to_camera_px
 from dnb_edge.values import Points
 from dnb_edge.view.fit import KeypointFit, fit_keypoints
 from dnb_edge.view.keypoints import KeypointPairs

@@ -1,7 +1,7 @@
 """Where the simulated car is at any instant, and exactly when it crosses the start line.
 
-Knows the circuit and one seeded way of driving it: slower in bends, another pace each lap, a little wandering across the
-lane. Knows no camera and no frame rate: the drive is a continuous function of time.
+Knows the circuit and seeded ways of driving it: slower in bends, another pace each lap, a little or more wandering across
+the lane. Knows no camera and no frame rate: the drive is a continuous function of time.
 """
 
 from __future__ import annotations
@@ -15,12 +15,32 @@ from numpy.typing import NDArray
 from dnb_edge.sim.circuit import Circuit
 from dnb_edge.values import PointM, Points
 
-_TOP_SPEED_MPS = 1.45
-_LOWEST_SPEED_MPS = 0.6
-_LATERAL_ACCELERATION_MPS2 = 2.0
-_RUN_UP_M = 1.1
 _RUN_OUT_M = 0.9
 _STEP_M = 0.002
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """How somebody drives. The default is the demo's driver."""
+
+    top_mps: float = 1.45
+    """Speed on the straights; with `lowest_mps` alike, the speed everywhere."""
+    lowest_mps: float = 0.6
+    """Speed below which it never falls, however tight the bend."""
+    lateral_mps2: float = 2.0
+    """Acceleration to the side that the driver dares in bends."""
+    braking_m: float = 0.22
+    """One standard deviation of the smoothing of the speed along the lap, metres."""
+    pace: tuple[float, float] = (0.88, 1.06)
+    """Each lap's own factor on the speed, drawn evenly between the two."""
+    wander: float = 1.0
+    """Factor on the deviation across the lane: 0 on the centreline, 1 tidy, more is looser."""
+    run_up_m: float = 1.1
+    """Way driven before the first crossing."""
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.lowest_mps <= self.top_mps and 0.0 < self.pace[0] <= self.pace[1]):
+            raise ValueError(f"a style's speeds and paces must be positive and in order, not {self}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +75,16 @@ class Drive:
         line = self.circuit.centreline
         return np.asarray(line.at(at) + self.wander.offset_m(s)[:, None] * line.normal(at))
 
+    def along_m(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) distance along the centreline from the start line at (n,) instants, unwrapped, metres."""
+        return np.interp(t_s, self.table_t_s, self.table_s_m)
+
+    def path_m(self, lap: int, step_s: float) -> tuple[PointM, ...]:
+        """The true way of lap number `lap`, from 0: a point every `step_s`, both crossings included, track m."""
+        start_s, end_s = self.crossings_s[lap : lap + 2]
+        count = max(2, math.ceil((end_s - start_s) / step_s) + 1)
+        return tuple((x, y) for x, y in self.points(np.linspace(start_s, end_s, count)).tolist())
+
     def pose(self, t_s: float) -> Pose:
         """The pose at `t_s`, clipped to the drive's own time."""
         t = min(max(t_s, 0.0), self.duration_s)
@@ -83,20 +113,23 @@ class Wander:
         return np.asarray(sum(a * np.sin(2.0 * np.pi * s_m / w + p) for a, w, p in waves))
 
 
-def drive(circuit: Circuit, *, laps: int, seed: int) -> Drive:
-    """The drive of `laps` complete laps that `seed` makes."""
+def drive(circuit: Circuit, *, laps: int, seed: int, style: Style | None = None) -> Drive:
+    """The drive of `laps` complete laps that `seed` makes in that style, the demo's by default."""
+    style = style or Style()
     if laps < 1:
         raise ValueError(f"laps must be at least 1, not {laps}")
     random = np.random.default_rng([seed, 1])
     wander = Wander(
-        amplitude_m=tuple(float(a) for a in random.uniform([0.008, 0.006, 0.003], [0.016, 0.012, 0.006])),
+        amplitude_m=tuple(
+            style.wander * float(a) for a in random.uniform([0.008, 0.006, 0.003], [0.016, 0.012, 0.006])
+        ),
         wavelength_m=tuple(float(w) for w in random.uniform([3.5, 1.9, 1.1], [5.5, 2.8, 1.5])),
         phase_rad=tuple(float(p) for p in random.uniform(0.0, 2.0 * math.pi, 3)),
     )
     length = circuit.centreline.length_m
-    s = np.arange(-_RUN_UP_M, laps * length + _RUN_OUT_M, _STEP_M)
-    pace = random.uniform(0.88, 1.06, laps + 2)
-    slowness = 1.0 / (_speed_mps(circuit, s) * _pace(s / length, pace))
+    s = np.arange(-style.run_up_m, laps * length + _RUN_OUT_M, _STEP_M)
+    pace = random.uniform(*style.pace, laps + 2)
+    slowness = 1.0 / (_speed_mps(circuit, s, style) * _pace(s / length, pace))
     t = np.concatenate(([0.0], np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * _STEP_M)))
     unsolved = Drive(
         circuit=circuit, laps=laps, crossings_s=(), duration_s=float(t[-1]), table_t_s=t, table_s_m=s, wander=wander
@@ -113,15 +146,15 @@ def drive(circuit: Circuit, *, laps: int, seed: int) -> Drive:
     )
 
 
-def _speed_mps(circuit: Circuit, s_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _speed_mps(circuit: Circuit, s_m: NDArray[np.float64], style: Style) -> NDArray[np.float64]:
     """Speed by curvature, smoothed along the lap as a driver brakes before a bend and accelerates after it."""
     length = circuit.centreline.length_m
     count = 2048
     lap_s = np.arange(count) * length / count
     bend = np.maximum(np.abs(circuit.centreline.curvature(lap_s)), 1e-6)
-    raw = np.clip(np.sqrt(_LATERAL_ACCELERATION_MPS2 / bend), _LOWEST_SPEED_MPS, _TOP_SPEED_MPS)
+    raw = np.clip(np.sqrt(style.lateral_mps2 / bend), style.lowest_mps, style.top_mps)
     distance = np.minimum(lap_s, length - lap_s)
-    weights = np.exp(-0.5 * (distance / 0.22) ** 2)
+    weights = np.exp(-0.5 * (distance / style.braking_m) ** 2)
     smooth = np.fft.irfft(np.fft.rfft(raw) * np.fft.rfft(weights / weights.sum()), n=count)
     return np.interp(s_m + circuit.start_s_m, lap_s, smooth, period=length)
 

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from dnb_edge.errors import InputError, WorkError
-from dnb_edge.sim.circuit import LANE_HSV, LANE_WIDTH_M, METRES_PER_PX
-from dnb_edge.sim.rig import Rig
+from dnb_edge.sim.camera import PinholeCamera
+from dnb_edge.sim.circuit import LANE_HSV, METRES_PER_PX, Circuit, draw_twin, start_line_px
+from dnb_edge.sim.rig import Rig, border_marks
 from dnb_edge.values import PointPx
 
 
@@ -43,27 +44,32 @@ class DemoFiles:
 
 
 def demo_files(directory: Path, rig: Rig) -> DemoFiles:
-    """Write the twin and the keypoints of `rig` into `directory` (made where it is missing).
+    """Write the twin and the keypoints of `rig` into `directory`, as `course_files` does."""
+    return course_files(directory, rig.circuit, rig.camera)
+
+
+def course_files(directory: Path, circuit: Circuit, camera: PinholeCamera) -> DemoFiles:
+    """Write the twin and the keypoints of a circuit under a camera into `directory` (made where it is missing).
 
     Raises `InputError` where that directory cannot be used, `WorkError` where the disk refuses.
     """
-    camera_px, twin_px = rig.keypoint_pairs()
-    start_line = rig.start_line_px
-    from_px, to_px = (0.0, start_line[0][1]), (1199.0, start_line[0][1])
+    camera_px, twin_px = border_marks(circuit, camera)
+    start_line = start_line_px(circuit)
+    from_px, to_px = (0.0, start_line[0][1]), (circuit.twin_size_px[0] - 1.0, start_line[0][1])
     files = DemoFiles(
         twin=directory / "twin.png",
         camera_keypoints=directory / "keypoints_camera.npy",
         twin_keypoints=directory / "keypoints_twin.npy",
-        keypoints_image_size_px=(rig.camera.width_px, rig.camera.height_px),
+        keypoints_image_size_px=(camera.width_px, camera.height_px),
         lane_hsv=LANE_HSV,
-        lane_width_m=LANE_WIDTH_M,
+        lane_width_m=circuit.lane_width_m,
         metres_per_px=METRES_PER_PX,
         measured_from_px=from_px,
         measured_to_px=to_px,
         measured_length_m=(to_px[0] - from_px[0]) * METRES_PER_PX,
         start_line_px=start_line,
     )
-    encoded, png = cv2.imencode(".png", rig.twin)
+    encoded, png = cv2.imencode(".png", draw_twin(circuit))
     assert encoded
     try:
         directory.mkdir(parents=True, exist_ok=True)

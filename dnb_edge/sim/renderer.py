@@ -44,11 +44,19 @@ class Renderer:
         which = int(np.random.default_rng([self._seed, 6, index]).integers(_NOISE_PICTURES))
         picture = self._noisy_rooms[which].copy()
         if pose is not None:
-            self._draw_car(picture, pose, self._noise[which])
+            self._draw_car(picture, self._car, pose, self._noise[which])
         return picture
 
-    def _draw_car(self, picture: BgrImage, pose: Pose, noise: NDArray[np.int16]) -> None:
-        body = posed(self._car, pose)
+    def park(self, pose: Pose, seed: int) -> None:
+        """Stand another car, the one that `seed` chooses, at `pose` for good: it belongs to the room from now on.
+
+        It stands behind the driven car wherever the two overlap in the picture.
+        """
+        self._draw_car(self._room, car_mesh(seed), pose, np.zeros(self._room.shape, dtype=np.int16))
+        self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
+
+    def _draw_car(self, picture: BgrImage, car: Mesh, pose: Pose, noise: NDArray[np.int16]) -> None:
+        body = posed(car, pose)
         rectangle = _rectangle(self.camera, body)
         if rectangle is None:
             return

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from dnb_edge.sim.camera import PinholeCamera, mast_camera
-from dnb_edge.sim.circuit import METRES_PER_PX, TWIN_SCALE, demo_circuit, demo_twin, edge_line, start_line_px
-from dnb_edge.sim.driver import drive
+from dnb_edge.sim.camera import PinholeCamera
+from dnb_edge.sim.circuit import METRES_PER_PX, Circuit, demo_circuit, draw_twin, edge_line, start_line_px
+from dnb_edge.sim.disturb import Disturbance, Disturber
+from dnb_edge.sim.driver import Drive, Pose, Style, drive
+from dnb_edge.sim.places import Place, demo_camera
 from dnb_edge.sim.renderer import Renderer
 from dnb_edge.values import BgrImage, Frame, PointM, PointPx, Points, StampSource
 
@@ -57,6 +59,17 @@ class FrameTruth:
     speed_mps: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenery:
+    """What else is in the pictures, and how they are disturbed."""
+
+    seed: int | None = None
+    """Of the room and the car; None for the drive's own."""
+    parked_m: tuple[tuple[float, float], ...] = ()
+    """(s_m, d_m) on the circuit of other cars that stand there all the time."""
+    disturbance: Disturbance = field(default_factory=Disturbance)
+
+
 class Rig:
     """One seeded drive of `laps` complete laps, seen at `fps` frames a second. The same arguments give the same bytes.
 
@@ -64,21 +77,37 @@ class Rig:
     """
 
     def __init__(
-        self, *, seed: int = 1, fps: float = 30.0, laps: int = 3, size_px: tuple[int, int] = (1280, 720)
+        self,
+        *,
+        seed: int = 1,
+        fps: float = 30.0,
+        laps: int = 3,
+        size_px: tuple[int, int] = (1280, 720),
+        place: Place | None = None,
+        style: Style | None = None,
+        scenery: Scenery | None = None,
     ) -> None:
+        """`place`, `style` and `scenery` are the demo's by default; with a `place`, its camera has its own size."""
         if not (math.isfinite(fps) and fps > 0.0):
             raise ValueError(f"fps must be a positive number, not {fps!r}")
         self.fps = fps
-        self.circuit = demo_circuit()
-        self.camera = demo_camera(size_px)
-        self._drive = drive(self.circuit, laps=laps, seed=seed)
-        self._renderer = Renderer(self.circuit, self.camera, seed)
-        crossings = self._drive.crossings_s
-        laps_driven = itertools.pairwise(crossings)
-        self.truth = Truth(
-            crossings_s=crossings,
-            laps=tuple(TrueLap(number=i + 1, start_s=a, end_s=b) for i, (a, b) in enumerate(laps_driven)),
-        )
+        self.circuit = demo_circuit() if place is None else place.circuit
+        self.camera = demo_camera(size_px) if place is None else place.camera
+        self._drive = drive(self.circuit, laps=laps, seed=seed, style=style)
+        scenery = scenery or Scenery()
+        room_seed = seed if scenery.seed is None else scenery.seed
+        self._renderer = Renderer(self.circuit, self.camera, room_seed)
+        for k, (s_m, d_m) in enumerate(scenery.parked_m):
+            self._renderer.park(_standing(self.circuit, s_m, d_m), room_seed + 1 + k)
+        self._disturber = None
+        if scenery.disturbance != Disturbance():
+            self._disturber = _disturber(self.circuit, self.camera, scenery.disturbance, seed)
+        self.truth = truth_of(self._drive)
+
+    @property
+    def drive(self) -> Drive:
+        """The drive as a function of time."""
+        return self._drive
 
     @property
     def frames(self) -> int:
@@ -88,7 +117,7 @@ class Rig:
     @property
     def twin(self) -> BgrImage:
         """The digital twin of the track."""
-        return demo_twin()
+        return draw_twin(self.circuit)
 
     @property
     def metres_per_px(self) -> float:
@@ -109,13 +138,16 @@ class Rig:
         if not 0 <= index < self.frames:
             raise IndexError(f"frame {index} of a drive of {self.frames} frames")
         t_ns = self.t_ns(index)
+        picture = self._renderer.picture(index, self._drive.pose(t_ns * 1e-9))
+        if self._disturber is not None:
+            picture = self._disturber.apply(picture, index=index, t_s=t_ns * 1e-9)
         return Frame(
             sequence=index,
             t_ns=t_ns,
             stamp_source=StampSource.SIMULATED,
             width_px=self.camera.width_px,
             height_px=self.camera.height_px,
-            bgr=self._renderer.picture(index, self._drive.pose(t_ns * 1e-9)),
+            bgr=picture,
         )
 
     def frame_truth(self, index: int) -> FrameTruth:
@@ -136,18 +168,40 @@ class Rig:
 
     def keypoint_pairs(self, count: int = 8) -> tuple[Points, Points]:
         """`count` (at least 4) marks on the lane's outer border, as (camera px, twin px), each (count, 2), exact."""
-        if count < 4:
-            raise ValueError(f"a homography needs at least 4 keypoints, not {count}")
-        border = edge_line(self.circuit, -0.5 * self.circuit.lane_width_m)
-        chosen = border[np.arange(count) * len(border) // count]
-        return floor_to_camera_px(self.camera, chosen), TWIN_SCALE.to_twin_px(chosen)
+        return border_marks(self.circuit, self.camera, count)
 
 
-def demo_camera(size_px: tuple[int, int] = (1280, 720)) -> PinholeCamera:
-    """The camera of the demo: on a mast beside the track, 2.2 m high, a little askew as mounts are."""
-    return mast_camera(
-        position_m=(1.5, -0.42, 2.2), pitch_deg=61.0, yaw_deg=1.5, roll_deg=-0.8, hfov_deg=70.0, size_px=size_px
+def border_marks(circuit: Circuit, camera: PinholeCamera, count: int = 8) -> tuple[Points, Points]:
+    """`count` (at least 4) marks on the lane's outer border, as (camera px, twin px), each (count, 2), exact."""
+    if count < 4:
+        raise ValueError(f"a homography needs at least 4 keypoints, not {count}")
+    border = edge_line(circuit, -0.5 * circuit.lane_width_m)
+    chosen = border[np.arange(count) * len(border) // count]
+    return floor_to_camera_px(camera, chosen), circuit.scale.to_twin_px(chosen)
+
+
+def truth_of(driven: Drive) -> Truth:
+    """The crossings and laps of a drive."""
+    laps_driven = itertools.pairwise(driven.crossings_s)
+    return Truth(
+        crossings_s=driven.crossings_s,
+        laps=tuple(TrueLap(number=i + 1, start_s=a, end_s=b) for i, (a, b) in enumerate(laps_driven)),
     )
+
+
+def _standing(circuit: Circuit, s_m: float, d_m: float) -> Pose:
+    """A car that stands `s_m` along the circuit and `d_m` to its left, along the lane."""
+    s, line = np.array([s_m]), circuit.centreline
+    at, ahead = (line.at(s) + d_m * line.normal(s))[0], line.tangent(s)[0]
+    return Pose(track_m=(float(at[0]), float(at[1])), heading_rad=math.atan2(ahead[1], ahead[0]), speed_mps=0.0)
+
+
+def _disturber(circuit: Circuit, camera: PinholeCamera, wanted: Disturbance, seed: int) -> Disturber:
+    """A hand is 0.09 m wide; how many px that are, the middle of the circuit says."""
+    middle = edge_line(circuit, 0.0, 0.05).mean(axis=0)
+    ends = floor_to_camera_px(camera, middle + np.array([[0.0, 0.0], [0.09, 0.0]]))
+    hand_px = float(np.linalg.norm(ends[1] - ends[0]))
+    return Disturber(wanted, seed=seed, size_px=(camera.width_px, camera.height_px), hand_px=hand_px)
 
 
 def floor_to_camera_px(camera: PinholeCamera, points_m: Points) -> Points:

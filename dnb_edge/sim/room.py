@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnb_edge.sim.camera import PinholeCamera
-from dnb_edge.sim.circuit import Circuit
+from dnb_edge.sim.circuit import Circuit, edge_line
 from dnb_edge.sim.floor import draw_floor, smooth_noise
 from dnb_edge.sim.solids import Mesh, Solid, box, cylinder, draw_mesh, draw_shadow, mesh
 from dnb_edge.values import BgrImage
@@ -33,10 +33,12 @@ def draw_room(circuit: Circuit, camera: PinholeCamera, seed: int) -> BgrImage:
     big = cv2.warpPerspective(
         floor.bgr, to_picture, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
     ).astype(np.uint8)
-    _draw_cables(big, camera)
-    clutter = mesh(_clutter())
-    _darken(big, clutter, camera)
-    draw_mesh(big, clutter, camera, offset_px=(0.0, 0.0), scale=_SUPERSAMPLE)
+    _draw_cables(big, circuit, camera)
+    things = [solid for solid in _clutter() if _may_stand(_corners(solid), circuit, camera)]
+    if things:
+        clutter = mesh(things)
+        _darken(big, clutter, camera)
+        draw_mesh(big, clutter, camera, offset_px=(0.0, 0.0), scale=_SUPERSAMPLE)
     small = cv2.resize(big, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
     lit = cv2.GaussianBlur(small, (0, 0), 0.7).astype(np.float32) * _light((camera.height_px, camera.width_px), random)
     return np.asarray(np.clip(lit, 0.0, 255.0), dtype=np.uint8)
@@ -52,6 +54,20 @@ def _visible_floor(camera: PinholeCamera) -> tuple[tuple[float, float], tuple[fl
     points = ground[:, :2] / ground[:, 2:]
     low, high = points.min(axis=0) - 0.05, points.max(axis=0) + 0.05
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def _corners(solid: Solid) -> NDArray[np.float64]:
+    return np.concatenate([face.corners_m for face in solid.faces])
+
+
+def _may_stand(points_m: NDArray[np.float64], circuit: Circuit, camera: PinholeCamera) -> bool:
+    """Whether a thing with these points (n, 3), world m, is ahead of the camera and leaves the lane and its tape free."""
+    ahead_m = (points_m - camera.position_m) @ camera.rotation[2]
+    if ahead_m.min() < 0.3:
+        return False
+    line = edge_line(circuit, 0.0, 0.02)
+    reach_m = 0.5 * circuit.lane_width_m + 0.03
+    return bool(np.linalg.norm(line[None] - points_m[:, None, :2], axis=2).min() > reach_m)
 
 
 def _clutter() -> list[Solid]:
@@ -76,13 +92,15 @@ def _clutter() -> list[Solid]:
     ]
 
 
-def _draw_cables(big: BgrImage, camera: PinholeCamera) -> None:
+def _draw_cables(big: BgrImage, circuit: Circuit, camera: PinholeCamera) -> None:
     """Two cables that lie in curves on the floor, with the thin shadow beside them."""
     t = np.linspace(0.0, 1.0, 120)
     black = np.column_stack((-0.9 + 1.0 * t, 0.62 + 0.10 * np.sin(7.0 * t) + 0.9 * t**2, np.zeros_like(t)))
     grey = np.column_stack((3.0 + 0.9 * t, 2.05 - 0.55 * t + 0.06 * np.sin(9.0 * t), np.zeros_like(t)))
     black[:, 0] -= 0.12
     for points, colour in ((black, (44.0, 42.0, 42.0)), (grey, (180.0, 130.0, 60.0))):
+        if not _may_stand(points, circuit, camera):
+            continue
         pixels = camera.project(points) * _SUPERSAMPLE
         shade = np.rint(pixels + np.array([4.0, 2.0])).astype(np.int32)
         layer = big.copy()

@@ -1,0 +1,112 @@
+"""The places where accuracy is measured: circuits of several shapes, each under one or two cameras.
+
+Knows layouts and mounts by name. Knows no car and no light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dnb_edge.sim.camera import PinholeCamera, mast_camera
+from dnb_edge.sim.circuit import Circuit, circuit_along, demo_circuit, rounded
+from dnb_edge.sim.path import closed_path
+from dnb_edge.values import PointM
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Place:
+    """A circuit and the camera that watches it."""
+
+    name: str
+    title: str
+    """What it is, in a few words."""
+    circuit: Circuit
+    camera: PinholeCamera
+
+
+_TABLE_M: tuple[PointM, ...] = (
+    (0.55, 0.13), (0.83, 0.13), (1.07, 0.33), (1.07, 0.67), (0.83, 0.87), (0.37, 0.87), (0.13, 0.67), (0.13, 0.33),
+    (0.37, 0.13),
+)  # fmt: skip
+_HAIRPIN_M: tuple[PointM, ...] = (
+    (2.50, 0.30), (4.35, 0.30), (4.68, 0.65), (4.68, 1.85), (4.35, 2.20), (3.45, 2.20), (3.12, 1.85), (3.12, 1.15),
+    (2.85, 0.90), (2.58, 1.15), (2.58, 1.85), (2.25, 2.20), (0.65, 2.20), (0.32, 1.85), (0.32, 0.65), (0.65, 0.30),
+)  # fmt: skip
+
+
+def table_oval() -> Circuit:
+    """An oval of 2.7 m on a table of 1.2 m x 1.0 m: short laps."""
+    line = closed_path(rounded(_TABLE_M, 0.08))
+    return circuit_along(line, start_s_m=0.05, lane_width_m=0.20, name="table oval", twin_size_px=(480, 400))
+
+
+def figure_eight() -> Circuit:
+    """A figure of eight whose branches cross at right angles, 3 m x 2 m."""
+    at = np.arange(72) * 2.0 * np.pi / 72
+    knots = [(1.5 + 1.2 * float(np.sin(t)), 1.0 + 0.62 * float(np.sin(2.0 * t))) for t in at]
+    return circuit_along(closed_path(knots), start_s_m=1.9, name="figure of eight")
+
+
+def hairpin() -> Circuit:
+    """A long track of 5 m x 2.5 m: straights for 3 m/s and a hairpin between two lanes that lie side by side."""
+    line = closed_path(rounded(_HAIRPIN_M, 0.14))
+    return circuit_along(line, start_s_m=0.6, name="hairpin", twin_size_px=(2000, 1000))
+
+
+def demo_camera(size_px: tuple[int, int] = (1280, 720)) -> PinholeCamera:
+    """The camera of the demo: on a mast beside the track, 2.2 m high, a little askew as mounts are."""
+    return mast_camera(
+        position_m=(1.5, -0.42, 2.2), pitch_deg=61.0, yaw_deg=1.5, roll_deg=-0.8, hfov_deg=70.0, size_px=size_px
+    )
+
+
+def _demo() -> Place:
+    return Place(name="demo", title="demo track under its mast", circuit=demo_circuit(), camera=demo_camera())
+
+
+def _demo_paper() -> Place:
+    camera = mast_camera(position_m=(1.4, -1.5, 2.15), pitch_deg=41.0, yaw_deg=2.0, hfov_deg=66.0)
+    title = "demo track, the paper's camera (2.15 m, 41 degrees)"
+    return Place(name="demo-paper", title=title, circuit=demo_circuit(), camera=camera)
+
+
+def _table() -> Place:
+    camera = mast_camera(position_m=(0.62, 0.06, 1.35), pitch_deg=72.0, yaw_deg=1.0, hfov_deg=64.0, size_px=(640, 480))
+    return Place(name="table", title="oval on a table, 640 x 480", circuit=table_oval(), camera=camera)
+
+
+def _table_paper() -> Place:
+    camera = mast_camera(position_m=(0.7, -1.95, 2.15), pitch_deg=41.0, yaw_deg=2.0, hfov_deg=66.0)
+    title = "oval, the paper's camera (2.15 m, 41 degrees)"
+    return Place(name="table-paper", title=title, circuit=table_oval(), camera=camera)
+
+
+def _eight() -> Place:
+    camera = mast_camera(position_m=(1.5, -0.42, 2.2), pitch_deg=61.0, yaw_deg=-1.0, roll_deg=0.6, hfov_deg=70.0)
+    return Place(name="eight", title="figure of eight under a mast", circuit=figure_eight(), camera=camera)
+
+
+def _hairpin() -> Place:
+    camera = mast_camera(position_m=(2.5, -0.7, 3.1), pitch_deg=58.0, yaw_deg=0.5, hfov_deg=82.0, size_px=(1920, 1080))
+    title = "5 m track with a hairpin, 1920 x 1080 from 3.1 m"
+    return Place(name="hairpin", title=title, circuit=hairpin(), camera=camera)
+
+
+_PLACES: dict[str, Callable[[], Place]] = {
+    "demo": _demo,
+    "demo-paper": _demo_paper,
+    "table": _table,
+    "table-paper": _table_paper,
+    "eight": _eight,
+    "hairpin": _hairpin,
+}
+PLACES: tuple[str, ...] = tuple(_PLACES)
+"""Names of all places."""
+
+
+def place(name: str) -> Place:
+    """The place of that name, one of `PLACES`."""
+    return _PLACES[name]()
