@@ -1,12 +1,10 @@
-"""`dnb-edge runs`: the recordings in a directory: list them, recover those that were cut short, export their laps.
+"""`dnb-edge runs`: the recordings in a directory: list them, recover those that were cut short, export what they say.
 
 Knows how to show; `record` knows how to read. Registered by `cli.main` as a sub-app.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -17,27 +15,19 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from dnb_edge import wire
+from dnb_edge.cli.run_csv import Table as Exported
+from dnb_edge.cli.run_csv import as_csv
+from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record.channels import EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.record.header import RunHeader
+from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import damage_text, read_run
 from dnb_edge.record.recover import Leftover, Recovery, recover_directory, recover_file
 from dnb_edge.values import Lap
 
 app = typer.Typer(help="List, recover and export recordings.", no_args_is_help=True)
-
-LAP_COLUMNS = (
-    "number",
-    "start_s",
-    "time_s",
-    "sigma_s",
-    "valid",
-    "reasons",
-    "similarity_percent",
-    "observed_fraction",
-    "suspect",
-)
 
 Directory = Annotated[Path, typer.Argument(help="The directory with the recordings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout.")]
@@ -64,6 +54,23 @@ class ListedRun:
     laps: int | None
     size_bytes: int
     note: str | None
+    version: str | None = None
+    """Of the entry; the entry's name is `name`."""
+    checkpoint_sha256: str | None = None
+    session: str | None = None
+    track: str | None = None
+    """Digest of the track; the next two of calibration and rules. None where the setup cannot be read."""
+    calibration: str | None = None
+    rules: str | None = None
+
+
+class What(StrEnum):
+    """What of a recording `export` writes."""
+
+    LAPS = "laps"
+    PASSES = "passes"
+    INCIDENTS = "incidents"
+    ALL = "all"
 
 
 @app.command("list")
@@ -79,13 +86,14 @@ def list_runs(directory: Directory = Path(), *, as_json: AsJson = False) -> None
         return
     table = Table(box=None)
     table.add_column("file", no_wrap=True)
-    for heading in ("state", "name", "laps", "duration", "size", "note"):
+    for heading in ("state", "entry", "session", "laps", "duration", "size", "note"):
         table.add_column(heading, overflow="fold")
     for run in runs:
         duration = "" if run.duration_s is None else f"{run.duration_s:.1f} s"
         laps = "" if run.laps is None else str(run.laps)
         size = f"{run.size_bytes / 1e6:.1f} MB"
-        table.add_row(run.file, run.state.value, run.name or "", laps, duration, size, run.note or "")
+        entry = " ".join(text for text in (run.name, run.version) if text)
+        table.add_row(run.file, run.state.value, entry, run.session or "", laps, duration, size, run.note or "")
     Console(markup=False).print(table)
 
 
@@ -111,21 +119,42 @@ def recover(
 @app.command("export")
 def export(
     run: Annotated[Path, typer.Argument(help="The recording.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; stdout without it.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File to write; stdout without it. With --what all: NAME-laps.csv and so on."
+        ),
+    ] = None,
+    what: Annotated[What, typer.Option(help="Laps, passes of all lines, incidents, or each in a file.")] = What.LAPS,
 ) -> None:
-    """Write the laps of RUN as CSV."""
-    text = laps_csv(run)
-    if output is None:
-        typer.echo(text, nl=False)
+    """Write the laps of RUN as CSV, or its passes or incidents."""
+    if what is not What.ALL:
+        text = as_csv(read_run(run), Exported(what.value))
+        if output is None:
+            typer.echo(text, nl=False)
+        else:
+            _write_new({output: text})
         return
-    try:
-        # Exclusive: an export never replaces a file.
-        with output.open("x", encoding="utf-8", newline="") as stream:
-            stream.write(text)
-    except FileExistsError as error:
-        raise InputError(f"{output}: is there already; choose another name") from error
-    except OSError as error:
-        raise WorkError(f"{output}: cannot be written: {error.strerror}") from error
+    if output is None:
+        raise InputError("--what all: writes three files: give -o NAME.csv")
+    recorded = read_run(run)
+    suffix = output.suffix or ".csv"
+    _write_new({output.with_name(f"{output.stem}-{one}{suffix}"): as_csv(recorded, one) for one in Exported})
+
+
+def _write_new(texts: dict[Path, str]) -> None:
+    """Writes each text into a new file: an export never replaces one. Raises `InputError` before any is written."""
+    there = next((path for path in texts if path.exists()), None)
+    if there is not None:
+        raise InputError(f"{there}: is there already; choose another name")
+    for path, text in texts.items():
+        try:
+            with path.open("x", encoding="utf-8", newline="") as stream:
+                stream.write(text)
+        except FileExistsError as error:
+            raise InputError(f"{path}: is there already; choose another name") from error
+        except OSError as error:
+            raise WorkError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def listed_run(path: Path) -> ListedRun:
@@ -152,31 +181,19 @@ def listed_run(path: Path) -> ListedRun:
         laps=run.counts.get(EVENT_TOPICS[Lap], 0),
         size_bytes=size_bytes,
         note="; ".join(notes) or None,
+        version=run.header.driver.version or None,
+        checkpoint_sha256=run.header.driver.checkpoint_sha256,
+        session=run.header.session,
+        **_identity(run.header),
     )
 
 
-def laps_csv(path: Path) -> str:
-    """The laps of the recording at `path` as CSV with a heading, floats in full. Raises InputError."""
-    run = read_run(path)
-    text = io.StringIO()
-    writer = csv.writer(text)
-    writer.writerow(("run", *LAP_COLUMNS))
-    for event in run.events():
-        if isinstance(event, Lap):
-            cells = wire.to_dict(event) | {"reasons": "; ".join(event.reasons), "suspect": "; ".join(event.suspect)}
-            writer.writerow([_cell(run.header.name), *(_cell(cells[column]) for column in LAP_COLUMNS)])
-    return text.getvalue()
-
-
-def _cell(value: object) -> str:
-    """`value` as a spreadsheet should show it: never as a formula, whatever name somebody gave to a run."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
-        return "'" + value
-    return str(value)
+def _identity(header: RunHeader) -> dict[str, str]:
+    """Digests of track, calibration and rules; nothing where another version wrote a setup that cannot be read."""
+    try:
+        return identity_of(CoreSetup.from_dict(header.setup["core"])).to_dict()
+    except (InputError, KeyError, TypeError, ValueError):
+        return {}
 
 
 def _recovery_text(result: Recovery | Leftover) -> str:
