@@ -11,7 +11,7 @@ from dnb_edge.core.sight import Sight
 from dnb_edge.core.views import ViewLog
 from dnb_edge.motion.follow import Follower
 from dnb_edge.motion.target import Followed
-from dnb_edge.race.fix import Fix
+from dnb_edge.race.fix import Fix, FrameStamps
 from dnb_edge.race.seats import Seats
 from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState
 
@@ -54,6 +54,7 @@ class Core:
             for target in self._follower.step(found.t_ns, sightings)
             if target.state is TargetState.CONFIRMED or target.target_id in known
         ]
+        stamps = FrameStamps(source=found.stamp_source, row_s=self._setup.row_s, height_px=self._setup.ground.height_px)
         followed = {target.target_id for target in self._follower.followed}
         events: list[Event] = []
         fixes: dict[int, list[Fix]] = {}
@@ -67,7 +68,7 @@ class Core:
             seen = car.news([] if _is_held(target) else target.pending)
             events[-1:] = [*seen, events[-1]]
             fixes[seat] = fixes.get(seat, []) + car.fixes(
-                seen, target_id=target.target_id, t_ns=found.t_ns, track_m=target.estimate.track_m
+                seen, target_id=target.target_id, t_ns=found.t_ns, track_m=target.estimate.track_m, stamps=stamps
             )
             if _is_held(target):
                 waiting.add(seat)

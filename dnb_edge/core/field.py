@@ -17,6 +17,7 @@ from dnb_edge.race.fix import Fix
 from dnb_edge.race.laps import DrivenLap
 from dnb_edge.score.similarity import score_lap
 from dnb_edge.values import Event, Lap, Score
+from dnb_edge.view.across_line import across_sigma_m
 
 
 class Field:
@@ -25,7 +26,16 @@ class Field:
     def __init__(self, setup: CoreSetup, views: ViewLog) -> None:
         self._setup = setup
         self._views = views
-        self.cars = [CarRace.begin(setup.track, setup.crossing, setup.laps) for _ in range(setup.motion.cars)]
+        covariance = setup.map_covariance
+        sigma_m = (
+            {}
+            if covariance is None
+            else {line.name: across_sigma_m(setup.ground, covariance, line) for line in setup.track.lines}
+        )
+        self.cars = [
+            CarRace.begin(setup.track, setup.crossing, setup.laps, map_sigma_m=sigma_m)
+            for _ in range(setup.motion.cars)
+        ]
 
     @property
     def finished(self) -> bool:

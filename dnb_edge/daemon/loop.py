@@ -107,7 +107,9 @@ class Race:
         picture_changed = self._pictures.look(image, frame.t_ns)
         self.meter.picture = self._pictures.fault
         view_changed = self._watch(image, frame)
-        found = replace(self._detect(image, frame), view_moved_m=self.meter.view_moved_m)
+        found = replace(
+            self._detect(image, frame), view_moved_m=self.meter.view_moved_m, stamp_source=frame.stamp_source
+        )
         for sink in self.sinks:
             sink.frame(frame, found)
         events = self.core.step(found)

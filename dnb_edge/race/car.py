@@ -5,12 +5,12 @@ Knows observations, fixes, lines and laps; knows nothing of pictures, nor how th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self, TypeAlias
 
 from dnb_edge.race.crossing import CrossingSettings, LineWatch
-from dnb_edge.race.fix import Fix, Progress
+from dnb_edge.race.fix import PLAIN_STAMPS, Fix, FrameStamps, Progress
 from dnb_edge.race.laps import DrivenLap, LapMachine, LapState
 from dnb_edge.race.rules import LapRules
 from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
@@ -29,11 +29,19 @@ class CarRace:
     laps: LapMachine
 
     @classmethod
-    def begin(cls, track: Track, crossing: CrossingSettings, rules: LapRules) -> Self:
-        """A car before its first frame."""
+    def begin(
+        cls,
+        track: Track,
+        crossing: CrossingSettings,
+        rules: LapRules,
+        *,
+        map_sigma_m: Mapping[str, float] | None = None,
+    ) -> Self:
+        """A car before its first frame. `map_sigma_m`: one sigma of the map's place for each line, across it, by its name."""
+        sigma_m = map_sigma_m or {}
         return cls(
             progress=Progress(track.centreline),
-            lines=tuple(LineWatch(line, crossing) for line in track.lines),
+            lines=tuple(LineWatch(line, crossing, map_sigma_m=sigma_m.get(line.name, 0.0)) for line in track.lines),
             laps=LapMachine(rules, track.lap_m()[1], has_finish_line=track.finish_line is not None),
         )
 
@@ -47,8 +55,17 @@ class CarRace:
         last_t_ns = self.progress.last_t_ns
         return [observation for observation in observations if observation.t_ns > last_t_ns]
 
-    def fixes(self, observations: Sequence[Observation], *, target_id: int, t_ns: int, track_m: PointM) -> list[Fix]:
-        """The fixes of new observations, oldest first; `track_m` is the filter's estimate at `t_ns`.
+    def fixes(
+        self,
+        observations: Sequence[Observation],
+        *,
+        target_id: int,
+        t_ns: int,
+        track_m: PointM,
+        stamps: FrameStamps = PLAIN_STAMPS,
+    ) -> list[Fix]:
+        """The fixes of new observations, oldest first; `track_m` is the filter's estimate at `t_ns`, `stamps` what the frames'
+        stamps mean.
 
         Of an earlier frame there is no estimate any more: what was seen then is taken as observed.
         """
@@ -57,6 +74,7 @@ class CarRace:
                 observation,
                 target_id=target_id,
                 track_m=track_m if observation.t_ns == t_ns else observation.track_m,
+                stamps=stamps,
             )
             for observation in observations
         ]
