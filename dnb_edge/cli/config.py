@@ -1,4 +1,4 @@
-"""`dnb-edge config`: what a configuration means, whether it is right, and its JSON Schema for editors."""
+"""`dnb-edge config`: what a configuration means, whether it is right, the rule sets, and a JSON Schema for editors."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import yaml
 from dnb_edge.assembly import check_detector, plain_config
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
+from dnb_edge.config.rules import PRESETS, load_rule_set
 from dnb_edge.config.schema import Config
 
 app = typer.Typer(help="Show, check and describe configurations.", no_args_is_help=True)
@@ -31,6 +32,20 @@ def check(file: File, overrides: Override = None) -> None:
     """Say whether the file is right; exit code 2 where it is not. The files that it names are looked at when a run begins."""
     check_detector(load_config(file, overrides or []).detector)
     typer.echo(f"{file}: right")
+
+
+@app.command()
+def rules(
+    name: Annotated[
+        str | None, typer.Argument(help="A rule set's name, or the path of its file; none: list them.")
+    ] = None,
+) -> None:
+    """List the rule sets that there are, or print one as YAML: copy it, change it, and name its file under `rules`."""
+    if name is not None:
+        typer.echo(load_rule_set(name).text, nl=False)
+        return
+    for preset in PRESETS:
+        typer.echo(f"{preset:<12} {load_rule_set(preset).about.splitlines()[0]}")
 
 
 @app.command()

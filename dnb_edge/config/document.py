@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import yaml
 from pydantic import BaseModel, Field, ValidationError
 
-from dnb_edge.config.load import ConfigLoader
 from dnb_edge.config.sections import STRICT, Number, Whole
+from dnb_edge.config.text import ConfigLoader
 from dnb_edge.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -5,36 +5,20 @@ Knows YAML and the command line's `--set`; knows nothing of what the values are 
 
 from __future__ import annotations
 
-import difflib
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
-from dnb_edge.config.schema import CommandLineText, Config
+from dnb_edge.config.faults import explain
+from dnb_edge.config.rules import NoSuchRules, RuleSet, load_rule_set, with_rules
+from dnb_edge.config.schema import DEFAULT_RULES, CommandLineText, Config
+from dnb_edge.config.text import ConfigLoader, KeyPath, parse_lines
 from dnb_edge.errors import InputError
 
-
-class ConfigLoader(yaml.SafeLoader):
-    """PyYAML's safe loader as in YAML 1.2 and as anybody expects: 1e-3 is a number, and a date is text."""
-
-
-# Replaced, not changed: the list is PyYAML's own and shared with its other loaders.
-ConfigLoader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]
-    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
-ConfigLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
-)
-
-KeyPath: TypeAlias = tuple[str | int, ...]
-
-DEEPEST = 20
-"""Levels of nesting that a configuration may have."""
+_RULES: KeyPath = ("rules",)
 
 
 def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
@@ -47,7 +31,7 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise InputError(f"{path}: cannot read the configuration: {reason}") from error
-    data, lines = _parse(path, text)
+    data, lines = parse_lines(path, text, what="the configuration")
     return check_config(data, base=path.resolve().parent, overrides=overrides, origin=str(path), lines=lines)
 
 
@@ -59,57 +43,48 @@ def check_config(
     origin: str = "configuration",
     lines: dict[KeyPath, int] | None = None,
 ) -> Config:
-    """`data`, plain YAML types, as a `Config`; relative paths are relative to `base`. Errors as for `load_config`."""
-    given: dict[KeyPath, str] = {}
-    for override in overrides:
-        given[_override(data, override)] = override
+    """`data`, plain YAML types, as a `Config`; relative paths are relative to `base`. Errors as for `load_config`.
+
+    What wins over what: an override over `data`, `data` over the rule set that it names.
+    """
+    lines = lines or {}
+    changes = [_parsed(override) for override in overrides]
+    given = {path: override for (path, _), override in zip(changes, overrides, strict=True)}
+    rules_set = [value for path, value in changes if path == _RULES]
+    if rules_set:
+        data = data | {"rules": rules_set[-1]}
+    rules = _rule_set(data, base, _where(_RULES, origin, lines, None, given, unknown=False))
+    if rules is not None:
+        data = with_rules(data, rules)
+    for (path, value), override in zip(changes, overrides, strict=True):
+        _set(data, path, value, override)
     context: dict[str, Any] = {"base": base}
     if isinstance(data.get("data_dir"), str):
         root = Path.cwd() if isinstance(data["data_dir"], CommandLineText) else base
         context["data_dir"] = root / Path(data["data_dir"]).expanduser()
+
+    def where(path: KeyPath, unknown: bool) -> str:
+        return _where(path, origin, lines, rules, given, unknown=unknown)
+
     try:
         return Config.model_validate(data, context=context)
     except ValidationError as error:
-        raise InputError(_explain(error, origin, lines or {}, given)) from error
+        raise InputError(explain(error, Config, where, root="the configuration")) from error
 
 
-def _parse(path: Path, text: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
-    """The file's data and the line of every key."""
+def _rule_set(data: dict[str, Any], base: Path, where: str) -> RuleSet | None:
+    """The rule set that `data` names at `where`; None where what it names is no text, for the schema to refuse."""
+    name = data.get("rules", DEFAULT_RULES)
+    if not isinstance(name, str):
+        return None
     try:
-        node = yaml.compose(text, Loader=ConfigLoader)
-        lines: dict[KeyPath, int] = {}
-        if node is not None:
-            _note_lines(path, node, (), lines)
-        data = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{where}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: the configuration must be a mapping of keys, as in configs/drivenetbench.yaml")
-    return data, lines
+        return load_rule_set(name, Path.cwd() if isinstance(name, CommandLineText) else base)
+    except NoSuchRules as error:
+        raise InputError(f"{where}: rules: {error}") from error
 
 
-def _note_lines(path: Path, node: yaml.Node, at: KeyPath, lines: dict[KeyPath, int]) -> None:
-    if len(at) > DEEPEST:
-        raise InputError(f"{path}, line {node.start_mark.line + 1}: nested too deeply, or within itself")
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise InputError(f"{path}, line {key.start_mark.line + 1}: a key must be a word")
-            here = (*at, key.value)
-            if here in lines:
-                raise InputError(f"{path}, line {key.start_mark.line + 1}: {_dotted(here)} is given twice")
-            lines[here] = key.start_mark.line + 1
-            _note_lines(path, value, here, lines)
-    elif isinstance(node, yaml.SequenceNode):
-        for i, value in enumerate(node.value):
-            lines[(*at, i)] = value.start_mark.line + 1
-            _note_lines(path, value, (*at, i), lines)
-
-
-def _override(data: dict[str, Any], override: str) -> KeyPath:
-    """Applies one `key.path=value` to `data`; returns the key's path."""
+def _parsed(override: str) -> tuple[KeyPath, Any]:
+    """The key's path and the value of one `key.path=value`."""
     key, equals, text = override.partition("=")
     path = tuple(key.strip().split("."))
     if not equals or not all(path):
@@ -118,56 +93,38 @@ def _override(data: dict[str, Any], override: str) -> KeyPath:
         value = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
     except yaml.YAMLError as error:
         raise InputError(f"--set {override}: the value is not valid YAML") from error
+    return path, CommandLineText(value) if isinstance(value, str) else value
+
+
+def _set(data: dict[str, Any], path: KeyPath, value: Any, override: str) -> None:
     here = data
     for part in path[:-1]:
-        here = here.setdefault(part, {})
+        here = here.setdefault(str(part), {})
         if not isinstance(here, dict):
             raise InputError(f"--set {override}: {part} is a value and has no keys of its own")
-    here[path[-1]] = CommandLineText(value) if isinstance(value, str) else value
-    return path
+    here[str(path[-1])] = value
 
 
-def _explain(error: ValidationError, origin: str, lines: dict[KeyPath, int], given: dict[KeyPath, str]) -> str:
-    """One line for the first mistake, and the number of others."""
-    first, *others = error.errors()
-    path: KeyPath = tuple(part for part in first["loc"] if not (isinstance(part, str) and part.startswith("function-")))
-    what = _what(first, path)
-    key, colon, rest = what.partition(": ")
-    if colon and path and key.split(".")[: len(path)] == list(path):
-        # A section's own check names the key itself.
-        path, what = tuple(key.split(".")), rest
-    where = next((f"--set {given[path[:n]]}" for n in range(len(path), 0, -1) if path[:n] in given), None)
-    if where is None and first["type"] == "extra_forbidden" and path not in lines:
+def _where(
+    path: KeyPath,
+    origin: str,
+    lines: dict[KeyPath, int],
+    rules: RuleSet | None,
+    given: dict[KeyPath, str],
+    *,
+    unknown: bool,
+) -> str:
+    """Where the key at `path` was given: on the command line, in the configuration, or in its rule set."""
+    prefixes = [path[:n] for n in range(len(path), 0, -1)]
+    override = next((given[at] for at in prefixes if at in given), None)
+    if override is None and unknown and path not in lines:
         # An unknown section that only an override has made.
-        where = next((f"--set {text}" for at, text in given.items() if at[: len(path)] == path), None)
-    if where is None:
-        line = next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), None)
-        where = origin if line is None else f"{origin}, line {line}"
-    more = f" (and {len(others)} more)" if others else ""
-    return f"{where}: {_dotted(path)}: {what}{more}"
-
-
-def _what(mistake: Any, path: KeyPath) -> str:
-    if mistake["type"] == "extra_forbidden":
-        close = difflib.get_close_matches(str(path[-1]), known_keys(path[:-1]), n=1)
-        return "unknown key" + (f", did you mean {close[0]}?" if close else "; see configs/ for the keys there are")
-    if mistake["type"] == "missing":
-        return "is missing: add it"
-    text = str(mistake["msg"]).removeprefix("Value error, ")
-    return text[0].lower() + text[1:]
-
-
-def known_keys(path: KeyPath) -> list[str]:
-    """The keys that may stand under the key `path` of the configuration."""
-    model: Any = Config
-    for part in path:
-        field = getattr(model, "model_fields", {}).get(part)
-        if field is None:
-            return []
-        options = [field.annotation, *getattr(field.annotation, "__args__", ())]
-        model = next((option for option in options if hasattr(option, "model_fields")), None)
-    return list(getattr(model, "model_fields", {}))
-
-
-def _dotted(path: KeyPath) -> str:
-    return ".".join(str(part) for part in path) or "the configuration"
+        override = next((text for at, text in given.items() if at[: len(path)] == path), None)
+    if override is not None:
+        return f"--set {override}"
+    for at in prefixes:
+        if at in lines:
+            return f"{origin}, line {lines[at]}"
+        if rules is not None and len(at) > 1 and at in rules.lines:
+            return f"{rules.origin}, line {rules.lines[at]}"
+    return origin

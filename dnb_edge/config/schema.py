@@ -9,12 +9,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
 
-from dnb_edge.config.sections import STRICT, Number, Whole, section
-from dnb_edge.motion.settings import MotionSettings
+from dnb_edge.config.cars import CarConfig, told_apart
+from dnb_edge.config.sections import STRICT, Number, Whole, section, to_settings
+from dnb_edge.motion.settings import MOST_CARS, MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import LapRules
+from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, check_together
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.lane_shade import LaneShade
 from dnb_edge.values import EntryInfo
@@ -43,6 +44,15 @@ def _resolve_data(value: Any, info: ValidationInfo) -> Any:
     if data_dir is not None and not isinstance(value, CommandLineText) and isinstance(value, str | Path):
         return value if Path(value).is_absolute() else data_dir / value
     return _resolve(value, info)
+
+
+def names_a_file(rules: str) -> bool:
+    """Whether a rule set is told by its file's path, not by its name."""
+    return "/" in rules or rules.endswith((".yaml", ".yml"))
+
+
+def _resolve_rules(value: Any, info: ValidationInfo) -> Any:
+    return str(_resolve(value, info)) if isinstance(value, str) and names_a_file(value) else value
 
 
 ConfigPath = Annotated[Path, BeforeValidator(_resolve)]
@@ -299,6 +309,11 @@ Motion = section(MotionSettings)
 Crossing = section(CrossingSettings)
 Laps = section(LapRules)
 Scoring = section(ScoreSettings)
+Start = section(StartRules)
+Format = section(FormatRules)
+Penalties = section(PenaltyRules)
+
+DEFAULT_RULES = "practice"
 
 
 class Config(_Section):
@@ -314,6 +329,9 @@ class Config(_Section):
     """Name of the session: the runs under one track, calibration and set of rules, which are to be compared."""
     data_dir: ConfigPath | None = None
     """Folder of the input data (twin, keypoints); none for the config file's own."""
+    rules: Annotated[str, BeforeValidator(_resolve_rules)] = DEFAULT_RULES
+    """The rule set: one of those that `dnb-edge config rules` lists, or the path of a YAML file. Keys that this configuration
+    gives itself in race, start, format, penalties and score win over it."""
     track: TrackConfig
     view: ViewConfig
     detector: DetectorConfig = DetectorConfig()
@@ -321,7 +339,13 @@ class Config(_Section):
     motion: Motion = Motion()  # type: ignore[valid-type]
     crossing: Crossing = Crossing()  # type: ignore[valid-type]
     race: Laps = Laps()  # type: ignore[valid-type]
+    start: Start = Start()  # type: ignore[valid-type]
+    format: Format = Format()  # type: ignore[valid-type]
+    penalties: Penalties = Penalties()  # type: ignore[valid-type]
     score: Scoring = Scoring()  # type: ignore[valid-type]
+    cars: Annotated[tuple[CarConfig, ...], Field(max_length=MOST_CARS), AfterValidator(told_apart)] = ()
+    """The cars that take part, in the order of their numbers; none: numbered as they first cross the start line. With cars,
+    motion.cars is their number."""
     record: RecordConfig = RecordConfig()
     display: DisplayConfig = DisplayConfig()
 
@@ -339,3 +363,33 @@ class Config(_Section):
         """The entry as far as the configuration tells it: without its checkpoint's hash."""
         name = self.name if self.entry.name is None else self.entry.name
         return EntryInfo(name=name, version=self.entry.version, notes=self.entry.notes)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_many_as_cars(cls, data: Any) -> Any:
+        """`motion.cars` is the number of the cars, unless it is given."""
+        if not isinstance(data, dict) or not isinstance(data.get("cars"), list) or not data["cars"]:
+            return data
+        motion = data.get("motion", {})
+        if not isinstance(motion, dict):
+            return data
+        return data | {"motion": {"cars": min(len(data["cars"]), MOST_CARS)} | motion}
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        check_together(
+            to_settings(LapRules, self.race),
+            to_settings(StartRules, self.start),
+            to_settings(FormatRules, self.format),
+            to_settings(PenaltyRules, self.penalties),
+        )
+        followed = to_settings(MotionSettings, self.motion).cars
+        if len(self.cars) > followed:
+            raise ValueError(f"motion.cars: {followed} is too few for {len(self.cars)} cars: raise it, or leave it out")
+        for k, car in enumerate(self.cars):
+            ids = self.detector.markers.ids
+            if car.marker is not None and self.detector.kind != "markers":
+                raise ValueError(f"cars.{k}.marker: only the detector `markers` reads it: set detector.kind: markers")
+            if car.marker is not None and ids and car.marker not in ids:
+                raise ValueError(f"cars.{k}.marker: {car.marker} is none of detector.markers.ids: add it there")
+        return self

@@ -13,7 +13,8 @@ import sys
 import textwrap
 import types
 import typing
-from typing import Annotated, Any
+from functools import cache
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, create_model, model_validator
 
@@ -27,14 +28,23 @@ STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attrib
 """What every part of the configuration obeys: no unknown keys, no infinities, no change after loading."""
 
 
+Settings = TypeVar("Settings")
+
+
 def section(settings: type, **changed_defaults: Any) -> type[BaseModel]:
-    """A strict model with the fields of the dataclass `settings`, whose own checks it applies; keywords replace defaults."""
+    """A strict model with the fields of the dataclass `settings`, whose own checks it applies; keywords replace defaults.
+
+    Fields that are dataclasses themselves become such models too.
+    """
     kinds = typing.get_type_hints(settings)
     texts = _attribute_docs(settings)
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(settings):
+        kind = _strict(kinds[field.name])
         default = changed_defaults.get(field.name, ... if field.default is dataclasses.MISSING else field.default)
-        fields[field.name] = (_strict(kinds[field.name]), Field(default, description=texts.get(field.name)))
+        if dataclasses.is_dataclass(default):
+            default = kind(**{part.name: getattr(default, part.name) for part in dataclasses.fields(default)})
+        fields[field.name] = (kind, Field(default, description=texts.get(field.name)))
     checks: dict[str, Any] = {"checked": model_validator(mode="after")(_checked_by(settings))}
     model: type[BaseModel] = create_model(
         settings.__name__, __config__=STRICT, __doc__=settings.__doc__, __validators__=checks, **fields
@@ -42,11 +52,27 @@ def section(settings: type, **changed_defaults: Any) -> type[BaseModel]:
     return model
 
 
+def to_settings(settings: type[Settings], model: BaseModel) -> Settings:
+    """The dataclass `settings` from the model that `section` made of it. Raises its `ValueError`s."""
+    kinds = typing.get_type_hints(settings)
+    values = {name: getattr(model, name) for name in type(model).model_fields}
+    return settings(
+        **{
+            name: to_settings(kinds[name], value) if isinstance(value, BaseModel) else value
+            for name, value in values.items()
+        }
+    )
+
+
+_nested = cache(section)
+"""One model for each kind of nested settings, however often it is used."""
+
+
 def _checked_by(settings: type) -> Any:
     """A validator that makes `settings` from the model's values, to hear its ValueErrors while file and line are known."""
 
     def checked(model: BaseModel) -> BaseModel:
-        settings(**{name: getattr(model, name) for name in type(model).model_fields})
+        to_settings(settings, model)
         return model
 
     return checked
@@ -56,6 +82,8 @@ def _strict(kind: Any) -> Any:
     """`kind` without pydantic's leniency for numbers: text is no number and `true` is not one."""
     if isinstance(kind, types.UnionType):
         return typing.Union[tuple(_strict(part) for part in kind.__args__)]  # noqa: UP007
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        return _nested(kind)
     return Annotated[kind, Strict()] if kind in (int, float, bool) else kind
 
 

@@ -30,8 +30,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from dnb_edge.config.document import first_fault
-from dnb_edge.config.load import ConfigLoader
 from dnb_edge.config.sections import STRICT, Number
+from dnb_edge.config.text import ConfigLoader
 from dnb_edge.errors import InputError
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.layout import NamedLine, laid_out

@@ -12,7 +12,7 @@ from typing import Any, Self
 from dnb_edge import wire
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules
+from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules, rules_digest
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.model import Track
 from dnb_edge.view.calibration import Covariance9
@@ -41,12 +41,26 @@ class CoreSetup:
     penalties: PenaltyRules = field(default_factory=PenaltyRules)
     rules: str = "practice"
     """Name of the rule set."""
+    rules_version: str = "1"
+    """Version of the rule set."""
     cars: tuple[CarSetup, ...] = ()
     """The cars that take part, in the order of their numbers; empty: numbered as they first cross the start line."""
     map_covariance: Covariance9 | None = None
     """Covariance of the map's homography, as in `Calibration`, for frames of `ground`'s size; None where it is not known."""
     row_s: float = 0.0
     """Time from one row of the picture to the next (rolling shutter), seconds; 0 where all are seen at once or nobody knows."""
+
+    @property
+    def rules_digest(self) -> str:
+        """Stands for all rules in force, whatever their set is called; results under another digest are not comparable."""
+        sections = {
+            "race": self.laps,
+            "start": self.start,
+            "format": self.format,
+            "penalties": self.penalties,
+            "score": self.score,
+        }
+        return rules_digest({name: wire.to_dict(section) for name, section in sections.items()})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `from_dict` gives back an equal setup, bit for bit."""
@@ -63,6 +77,7 @@ class CoreSetup:
             "format": wire.to_dict(self.format),
             "penalties": wire.to_dict(self.penalties),
             "rules": self.rules,
+            "rules_version": self.rules_version,
             "cars": [wire.to_dict(car) for car in self.cars],
             "map_covariance": self.map_covariance,
             "row_s": self.row_s,
@@ -85,6 +100,7 @@ class CoreSetup:
                 format=wire.from_dict(FormatRules, data.get("format", {})),
                 penalties=wire.from_dict(PenaltyRules, data.get("penalties", {})),
                 rules=data.get("rules", "practice"),
+                rules_version=data.get("rules_version", "1"),
                 cars=tuple(wire.from_dict(CarSetup, car) for car in data.get("cars", ())),
                 map_covariance=_matrix(data.get("map_covariance")),
                 row_s=data.get("row_s", 0.0),
