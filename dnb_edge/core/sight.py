@@ -29,7 +29,7 @@ class Sight:
         if track_m is None:
             return None
         below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else detection.camera_px
-        share, variance = ground.share_at(height_m), detection.sigma_px**2
+        share, variance = ground.share_at(height_m), detection.sigma_px * detection.sigma_px
         xu, xv, yu, yv = (slope * share for slope in ground.slopes(detection.camera_px))
         observation = Observation(
             t_ns=t_ns,

@@ -141,6 +141,8 @@ def evidence(
     Colour and heading cost what they fit worse than the best of the cars: what fits all cars alike, or badly alike because
     the light has changed, says nothing, and with a single car there is nothing to say.
     """
+    if len(cars) == 1:
+        return [cars[0].marker_cost(sighting.marker_id)]
     colours = [min(car.colour_cost(sighting.colour_bgr), COLOUR_CAP) for car in cars]
     headings = [_heading_cost(velocity, sighting.heading_rad) for velocity in velocities_mps]
     base = min(colours, default=0.0), min(headings, default=0.0)
@@ -159,9 +161,9 @@ def _heading_cost(velocity_mps: tuple[float, float], heading_rad: float | None) 
 
 
 def _squared(a: Colour, b: Colour) -> float:
-    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True))
+    blue, green, red = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return blue * blue + green * green + red * red
 
 
 def _mixed(a: Colour, b: Colour, share: float) -> Colour:
-    blue, green, red = (x + share * (y - x) for x, y in zip(a, b, strict=True))
-    return blue, green, red
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])

@@ -19,11 +19,20 @@ def assign(costs: Sequence[Sequence[float]], miss_cost: float) -> dict[int, int]
     """
     rows = len(costs)
     columns = len(costs[0]) if rows else 0
+    if rows == 1 or columns == 0:
+        # One car in sight, or none: the rule, not the exception.
+        return _cheapest_of(costs[0], miss_cost) if columns else {}
     forbidden = 1.0 + 2.0 * (rows + 1) * _greatest(costs, miss_cost)
     padded = [[*(min(cost, forbidden) for cost in row), *([miss_cost] * rows)] for row in costs]
     return {
         row: column for row, column in _cheapest(padded).items() if column < columns and costs[row][column] < math.inf
     }
+
+
+def _cheapest_of(costs: Sequence[float], miss_cost: float) -> dict[int, int]:
+    """`assign` for a single row."""
+    column = min(range(len(costs)), key=costs.__getitem__)
+    return {0: column} if costs[column] <= miss_cost and costs[column] < math.inf else {}
 
 
 def _greatest(costs: Sequence[Sequence[float]], miss_cost: float) -> float:

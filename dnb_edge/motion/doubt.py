@@ -41,6 +41,9 @@ def are_near(a: Followed, b: Followed) -> bool:
 
 def named(targets: Sequence[Followed], own: Mapping[int, Sighting], t_ns: int) -> list[Followed]:
     """The targets after a frame in which target `i` of them had its own sighting `own[i]`: doubts opened, fed, decided."""
+    alone = sum(target.state in LIVE for target in targets) < 2
+    if alone and not any(target.doubt is not None or target.returned for target in targets):
+        return list(targets)
     doubted = _fed(_opened(targets, own, t_ns), own)
     for group in {target.doubt.group for target in doubted if target.doubt is not None}:
         members = [i for i, target in enumerate(doubted) if target.target_id in group and target.state in LIVE]

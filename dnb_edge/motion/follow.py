@@ -154,6 +154,8 @@ class Follower:
         self, targets: Sequence[Followed], cars: Sequence[int], sightings: Sequence[Sighting], free: Sequence[int]
     ) -> dict[int, int]:
         """Sighting for each of the targets `cars` out of `free`: squared Mahalanobis distance inside the gate, and looks."""
+        if not cars or not free:
+            return {}
         looks = [targets[i].looks for i in cars]
         velocities = [targets[i].estimate.velocity_mps for i in cars]
         numbers = {target.looks.marker for target in targets if target.state in LIVE}
@@ -202,11 +204,11 @@ class Follower:
             if target.state is TargetState.LOST and before.state in LIVE
         ]
         self._missing = [car for car in (*self._missing, *lost) if self._is_awaited(car, t_ns)]
-        order = sorted(range(len(settled)), key=lambda i: (-settled[i].travel_m, settled[i].target_id))
-        for i in order:
-            if settled[i].state is TargetState.TENTATIVE:
-                self._rejoin(settled, i)
-        for i in order:
+        tentative = [i for i, target in enumerate(settled) if target.state is TargetState.TENTATIVE]
+        tentative.sort(key=lambda i: (-settled[i].travel_m, settled[i].target_id))
+        for i in tentative:
+            self._rejoin(settled, i)
+        for i in tentative:
             cars = [target for target in settled if target.state in LIVE]
             if len(cars) < self._settings.cars and settled[i].state is TargetState.TENTATIVE:
                 settled[i] = self._confirmed(settled[i], cars)
