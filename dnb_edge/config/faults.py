@@ -55,5 +55,7 @@ def _what(mistake: Any, path: KeyPath, model: type[BaseModel]) -> str:
         return "unknown key" + (f", did you mean {close[0]}?" if close else "; see configs/ for the keys there are")
     if mistake["type"] == "missing":
         return "is missing: add it"
+    if mistake["type"] == "model_type":
+        return "must be a mapping of keys, {} for none"
     text = str(mistake["msg"]).removeprefix("Value error, ")
     return text[0].lower() + text[1:]
