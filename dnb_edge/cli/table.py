@@ -51,7 +51,8 @@ def table(
     """
     found = _raced(runs)
     console = Console(stderr=True, markup=False)
-    for warning in check_comparable(found):
+    told = (f"{run.path}: {warning}" for run in found for warning in run.warnings)
+    for warning in (*check_comparable(found), *told):
         console.print(f"dnb-edge: {warning}", highlight=False, soft_wrap=True)
     made = result_table((trial for run in found for trial in run.trials), by)
     typer.echo(_WRITERS[TableFormat.JSON if as_json else form](made).rstrip("\n"))

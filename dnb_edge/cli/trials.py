@@ -24,6 +24,8 @@ class Raced:
     setup: CoreSetup
     identity: Identity
     trials: tuple[Trial, ...]
+    warnings: tuple[str, ...] = ()
+    """What a reader of the figures must know, a sentence each."""
 
 
 def raced(replayed: Replayed) -> Raced:
@@ -61,6 +63,7 @@ def raced(replayed: Replayed) -> Raced:
         setup=replayed.setup,
         identity=identity,
         trials=trials,
+        warnings=replayed.warnings,
     )
 
 
