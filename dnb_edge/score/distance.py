@@ -36,7 +36,8 @@ class Programme(StrEnum):
     DTW = "dtw"
     """Their least, plus the local distance: step pattern symmetric1."""
     DTW_SYMMETRIC = "dtw_symmetric"
-    """The same, but a diagonal step costs the local distance twice: step pattern symmetric2."""
+    """The same, but a diagonal step costs the local distance twice: step pattern symmetric2. The first cell counts once, as in
+    Giorgino's package."""
     FRECHET = "frechet"
     """The greater of the local distance and their least."""
 

@@ -212,23 +212,24 @@ def lateral_profile(trace: LapTrace, *, bin_m: float = BIN_M) -> LateralProfile:
     d_m = np.interp(knots, trace.way_m[new], trace.d_m[new])
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (d_m[1:] + d_m[:-1]) * np.diff(knots))))
     at_ends = np.searchsorted(knots, edges)
-    points_m, points_d_m = np.concatenate([trace.way_m, edges]), np.concatenate([trace.d_m, d_m[at_ends]])
     middles = 0.5 * (edges[1:] + edges[:-1])
     return LateralProfile(
         way_m=middles,
         mean_m=np.diff(integral[at_ends]) / np.diff(edges),
-        greatest_m=_greatest(points_m, points_d_m, edges),
+        greatest_m=_greatest(trace, edges, d_m[at_ends]),
         seen=_seen(trace, middles),
     )
 
 
-def _greatest(way_m: Floats, d_m: Floats, edges: Floats) -> Floats:
-    """(k,) of the points (n,) in each of the k stretches between `edges` the d_m that is farthest from 0."""
-    inside = (way_m >= edges[0]) & (way_m <= edges[-1])
-    way_m, d_m = way_m[inside], d_m[inside]
-    stretch = np.clip(np.searchsorted(edges, way_m, side="right") - 1, 0, len(edges) - 2)
+def _greatest(trace: LapTrace, edges: Floats, edges_d_m: Floats) -> Floats:
+    """(k,), in each of the k stretches between `edges`, both ends included, the d_m that is farthest from 0."""
+    inside = (trace.way_m >= edges[0]) & (trace.way_m <= edges[-1])
+    stretches = np.arange(len(edges) - 1)
+    of_fix = np.clip(np.searchsorted(edges, trace.way_m[inside], side="right") - 1, 0, stretches[-1])
+    stretch = np.concatenate([of_fix, stretches, stretches])
+    d_m = np.concatenate([trace.d_m[inside], edges_d_m[:-1], edges_d_m[1:]])
     order = np.lexsort((np.abs(d_m), stretch))
-    last = np.searchsorted(stretch[order], np.arange(len(edges) - 1), side="right") - 1
+    last = np.searchsorted(stretch[order], stretches, side="right") - 1
     return np.asarray(d_m[order][last])
 
 
