@@ -15,6 +15,7 @@ from dnb_edge.core.views import ViewLog
 from dnb_edge.race.car import CarRace, Passed
 from dnb_edge.race.fix import Fix
 from dnb_edge.race.laps import DrivenLap
+from dnb_edge.race.penalties import judged
 from dnb_edge.score.similarity import score_lap
 from dnb_edge.values import Event, Lap, Score
 from dnb_edge.view.across_line import across_sigma_m
@@ -60,7 +61,9 @@ class Field:
         return events
 
     def _lap(self, driven: DrivenLap) -> list[Lap | Score]:
-        lap = replace(driven.lap, suspect=self._views.suspect(driven.lap))
+        lap = replace(
+            judged(driven.lap, driven.incidents, self._setup.penalties), suspect=self._views.suspect(driven.lap)
+        )
         if self._setup.not_scored_because is not None:
             return [lap]
         score = score_lap(

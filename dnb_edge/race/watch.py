@@ -1,0 +1,58 @@
+"""All that is watched for in one lap, joined: one watch for each lap, begun with it and closed with it.
+
+Knows the watchers and in which order they are asked; knows nothing of states, crossings' meanings or penalties.
+"""
+
+from __future__ import annotations
+
+from dnb_edge.race.incidents import Draft, Lost, Stalled, Step, WrongWay, lifted
+from dnb_edge.race.off_track import Lane, OffTrack, Overhang
+from dnb_edge.race.rules import LapRules
+from dnb_edge.race.way import Way
+from dnb_edge.values import Crossing
+
+
+class LapWatch:
+    """Takes the steps of one lap and returns incidents as they end."""
+
+    def __init__(
+        self,
+        rules: LapRules,
+        begin: Crossing,
+        *,
+        seen_t_ns: int,
+        progress_m: float,
+        loop_m: float | None,
+        lane: Lane | None,
+    ) -> None:
+        """`seen_t_ns`: stamp at which the car is known to have been seen last; `progress_m`: the car's at `begin`;
+        `loop_m`: the length of a closed route, None where it is open.
+        """
+        self._margin_m = rules.off_lane_margin_m
+        self._lost = Lost(rules, begin, seen_t_ns)
+        self._stalled = Stalled(rules)
+        self._wrong_way = WrongWay(rules)
+        self._overhang = Overhang(rules, lane)
+        self._off_track = OffTrack(rules)
+        self.way = Way(rules, progress_m=progress_m, loop_m=loop_m)
+        """How far the car has driven."""
+
+    def feed(self, step: Step) -> list[Draft]:
+        """Takes the next step; returns what ended with it."""
+        fix = step.fix
+        found = [
+            self._lost.feed(fix),
+            lifted(step),
+            self.way.feed(step),
+            self._stalled.feed(fix),
+            self._off_track.feed(fix, self._overhang.outside_m(fix)),
+        ]
+        # Beyond the lane the nearest place of the route may run backwards though the car does not.
+        if fix.outside_m <= self._margin_m:
+            found.append(self._wrong_way.feed(fix, self.way.smooth_m))
+        return [draft for draft in found if draft is not None]
+
+    def close(self, t_ns: int) -> list[Draft]:
+        """What goes on while the lap ends at `t_ns`. What began after that belongs to the next lap."""
+        found = [self._lost.close(t_ns), self._stalled.close(), self._off_track.close(), self._wrong_way.close()]
+        return [draft for draft in found if draft is not None and draft.start_t_ns < t_ns]
