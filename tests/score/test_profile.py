@@ -112,11 +112,11 @@ def test_a_path_that_goes_nowhere_has_plain_means() -> None:
 def test_the_lateral_profile_is_the_line_between_fixes_stretch_by_stretch() -> None:
     """Means are exact for straight pieces; the farthest d_m of a stretch is its sign and all; what was not seen says so."""
     t_s = np.array([0.0, 0.1, 0.2, 0.3, 1.0, 1.1])
-    trace = trace_of(t_s, np.array([0.0, 0.1, 0.2, 0.3, 0.7, 0.8]), np.array([0.0, 0.1, -0.1, 0.0, 0.0, 0.04]))
+    trace = trace_of(t_s, np.array([0.0, 0.1, 0.2, 0.3, 0.7, 0.8]), np.array([0.0, 0.1, -0.12, 0.0, 0.0, 0.04]))
     profile = lateral_profile(trace, bin_m=0.1)
     assert profile.way_m == pytest.approx(np.arange(8) * 0.1 + 0.05)
-    assert profile.mean_m == pytest.approx([0.05, 0.0, -0.05, 0.0, 0.0, 0.0, 0.0, 0.02])
-    assert profile.greatest_m == pytest.approx([0.1, 0.1, -0.1, 0.0, 0.0, 0.0, 0.0, 0.04])
+    assert profile.mean_m == pytest.approx([0.05, -0.01, -0.06, 0.0, 0.0, 0.0, 0.0, 0.02])
+    assert profile.greatest_m == pytest.approx([0.1, -0.12, -0.12, 0.0, 0.0, 0.0, 0.0, 0.04])
     assert profile.seen.tolist() == [True] * 3 + [False] * 4 + [True]
 
 
