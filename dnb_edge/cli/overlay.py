@@ -9,11 +9,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dnb_edge.core import CoreSetup
+from dnb_edge.core.views import ViewLog
 from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled, MarshalledLap, apply
 from dnb_edge.report.run import lap_paths
 from dnb_edge.score.similarity import score_lap
 from dnb_edge.values import Crossing, Event, Lap, Observation, RunSummary, Score, Standings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frames:
+    """What there is to know of a run's frames besides what was found in them."""
+
+    t_ns: tuple[int, ...]
+    """Their stamps."""
+    views: ViewLog
+    """How far the camera was known to have moved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +41,7 @@ def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, 
     """The race that said `events`, its last the summary, after `edits`; `frames_t_ns` are the stamps of all its frames."""
     crossings = [event for event in events if isinstance(event, Crossing)]
     made = apply([event for event in events if isinstance(event, Lap)], edits, crossings)
-    seen = _Seen(events, crossings, frames_t_ns)
+    seen = _Seen(events, crossings, frames)
     scores: dict[tuple[int, int], Score] = {}
     laps = []
     for one in made.laps:
@@ -85,18 +96,19 @@ def _key(lap: Lap) -> tuple[int, int]:
 class _Seen:
     """What was seen of the cars, to score laps that a judge made."""
 
-    def __init__(self, events: Sequence[Event], crossings: Sequence[Crossing], frames_t_ns: Sequence[int]) -> None:
+    def __init__(self, events: Sequence[Event], crossings: Sequence[Crossing], frames: Frames) -> None:
         self._observations = [event for event in events if isinstance(event, Observation)]
         self._crossings = crossings
-        self._frames_t_ns = frames_t_ns
+        self._frames = frames
 
     def looked_at(self, one: MarshalledLap, setup: CoreSetup) -> tuple[Lap, Score | None]:
         """The lap with the share of its frames in which the car was seen and, where it can be scored, its similarity."""
         lap = one.lap
         mine = self._of_car(lap.car) if setup.motion.cars > 1 else self._observations
         inside = {seen.t_ns for seen in mine if lap.start_t_ns < seen.t_ns <= lap.end_t_ns}
-        frames = sum(lap.start_t_ns < t_ns <= lap.end_t_ns for t_ns in self._frames_t_ns)
-        lap = replace(lap, observed_fraction=len(inside) / frames if frames else 0.0)
+        frames = sum(lap.start_t_ns < t_ns <= lap.end_t_ns for t_ns in self._frames.t_ns)
+        seen = len(inside) / frames if frames else 0.0
+        lap = replace(lap, observed_fraction=seen, suspect=self._frames.views.suspect(lap))
         if setup.not_scored_because is not None or len(inside) < 2:
             return lap, None
         (path_m,) = lap_paths((lap,), mine, self._crossings)

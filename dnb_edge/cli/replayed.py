@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dnb_edge.cli.overlay import laid_over
+from dnb_edge.cli.overlay import Frames, laid_over
 from dnb_edge.core import Core, CoreSetup
+from dnb_edge.core.views import ViewLog
 from dnb_edge.errors import InputError
 from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled, Told
@@ -31,6 +32,9 @@ class Replayed:
     path: Path
     header: RunHeader
     setup: CoreSetup
+    """Under which it was raced now."""
+    recorded_setup: CoreSetup
+    """Under which it was raced live: the same object where nothing was changed."""
     calibration: dict[str, Any]
     """The stored calibration error, by field name."""
     hashes: dict[str, str]
@@ -40,8 +44,7 @@ class Replayed:
     warnings: tuple[str, ...]
     run: RunIdentity
     """What tells this recording from others."""
-    frames_t_ns: tuple[int, ...]
-    """Stamps of all frames."""
+    frames: Frames
     raw_laps: tuple[Lap, ...] = ()
     """As the race made them, without edits."""
     edits: tuple[Edit, ...] = ()
@@ -69,9 +72,7 @@ class Replayed:
         )
 
 
-def replay(
-    path: Path, *, edits: bool = True, changed: Callable[[CoreSetup, RunHeader], CoreSetup] | None = None
-) -> Replayed:
+def replay(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], CoreSetup] | None = None) -> Replayed:
     """Races the recording at `path` again, under the setup that `changed` makes of the recorded one, or under that itself.
 
     Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
@@ -85,19 +86,21 @@ def replay(
         raise InputError(f"{path}: its setup cannot be read ({error}): it was made by another version") from error
     identity = RunIdentity.of(run.header, run.first_t_ns)
     log = read_edits(path, identity) if edits else None
+    recorded = setup
     if changed is not None:
-        setup = changed(setup, run.header)
-    events, frames_t_ns = _race(run, setup)
+        setup = changed(recorded)
+    events, frames = _race(run, setup)
     raced = Replayed(
         path=path,
         header=run.header,
         setup=setup,
+        recorded_setup=recorded,
         calibration=calibration,
         hashes=hashes,
         events=events,
         warnings=run.warnings,
         run=identity,
-        frames_t_ns=frames_t_ns,
+        frames=frames,
         raw_laps=tuple(event for event in events if isinstance(event, Lap)),
     )
     if log is None:
@@ -105,7 +108,7 @@ def replay(
     raced = replace(raced, warnings=(*raced.warnings, *log.warnings))
     if not log.edits:
         return raced
-    overlaid = laid_over(events, log.edits, setup, frames_t_ns)
+    overlaid = laid_over(events, log.edits, setup, frames)
     told = (*overlaid.marshalled.without_effect, *overlaid.marshalled.moved)
     return replace(
         raced,
@@ -122,19 +125,21 @@ def edit_warning(told: Told) -> str:
     return f"edit {edit.number} ({edit.action.value} {edit.subject}, {printable(edit.author)}): {told.text}"
 
 
-def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], tuple[int, ...]]:
-    """(events, the stamps of all frames)."""
+def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], Frames]:
+    """All that the core says, with the run's summary, and what there is to know of the frames."""
     core = Core(setup)
     events: list[Event] = []
     frames_t_ns: list[int] = []
+    views = ViewLog(setup.track.centreline)
     for detections in run.detections():
         frames_t_ns.append(detections.t_ns)
+        views.frame(detections.t_ns, detections.view_moved_m)
         events += core.step(detections)
     events += core.finish()
     found = {event.t_ns for event in events if isinstance(event, Observation)}
     laps = sum(isinstance(event, Lap) for event in events)
     summary = RunSummary(frames=len(frames_t_ns), detected_frames=len(found), laps=laps, recording=str(run.path))
-    return (*events, summary), tuple(frames_t_ns)
+    return (*events, summary), Frames(t_ns=tuple(frames_t_ns), views=views)
 
 
 def _twin(config: dict[str, Any]) -> BgrImage | None:

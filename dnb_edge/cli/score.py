@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +12,7 @@ from rich.console import Console
 
 from dnb_edge import wire
 from dnb_edge.cli.replayed import Replayed, replay
+from dnb_edge.cli.rescore import Wanted, changes, changes_text
 from dnb_edge.cli.results import Runs, recordings
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
@@ -31,14 +33,34 @@ def score(
     observations: Annotated[
         bool, typer.Option("--observations", help="With --json: one line a frame as well.")
     ] = False,
+    rules: Annotated[
+        str | None,
+        typer.Option(help="Another rule set: a name (`dnb-edge config rules`) or a file.", metavar="NAME|FILE"),
+    ] = None,
+    lines: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--line",
+            help="Another line: start, finish or any sector's name, then its ends on the twin (px), a place on the route "
+            "(NAME=AT:u,v) or none. Or a file of lines. May be given several times.",
+            metavar="NAME=u,v:u,v",
+        ),
+    ] = None,
+    track: Annotated[Path | None, typer.Option(help="Another track file of the same twin.", metavar="FILE")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Another value for one key, such as race.min_lap_s=3. May be given several times."),
+    ] = None,
     edits: WithEdits = True,
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run.
 
-    A judge's edits (`dnb-edge judge`) are laid over them; --no-edits gives what the race itself said.
+    Or try what other lines, thresholds and rules would have given: --line, --set, --rules, --track. The recording never
+    changes. A judge's edits (`dnb-edge judge`) are laid over the laps; --no-edits gives what the race itself said.
     """
+    wanted = Wanted(rules=rules, track=track, lines=tuple(lines or ()), overrides=tuple(overrides or ()))
     for path in recordings(runs):
-        replayed = replay(path, edits=edits)
+        replayed = replay(path, edits=edits, changed=wanted.change(path))
         if as_json:
             _print_json(replayed, observations=observations)
         else:
@@ -49,6 +71,8 @@ def score(
 
 def _print_json(replayed: Replayed, *, observations: bool) -> None:
     sink = JsonSink(sys.stdout, observations=observations)
+    if replayed.setup is not replayed.recorded_setup:
+        typer.echo(json.dumps(_rescored_line(replayed)))
     if replayed.marshalled is None:
         for event in replayed.events:
             sink.event(event)
@@ -61,6 +85,17 @@ def _print_json(replayed: Replayed, *, observations: bool) -> None:
             sink.event(event)
         else:
             typer.echo(json.dumps(json.loads(wire.event_to_json(one.lap)) | _history(one)))
+
+
+def _rescored_line(replayed: Replayed) -> dict[str, Any]:
+    """The first JSON line of a run under another setup: what was changed, and what stands for the rules now."""
+    setup = replayed.setup
+    return {
+        "event": "rescored",
+        "changes": changes(replayed.recorded_setup, setup),
+        "rules": setup.rules,
+        "digest": setup.rules_digest,
+    }
 
 
 def _edits_line(replayed: Replayed, marshalled: Marshalled) -> dict[str, Any]:
@@ -84,6 +119,13 @@ def _history(one: MarshalledLap) -> dict[str, Any]:
 def _print_text(replayed: Replayed) -> None:
     console = Console(markup=False)
     console.print(f"{replayed.path}  ({replayed.header.name})", highlight=False, soft_wrap=True)
+    if replayed.setup is not replayed.recorded_setup:
+        text = changes_text(replayed.recorded_setup, replayed.setup)
+        console.print(
+            f"  changed: {text}; rules {replayed.setup.rules} {replayed.setup.rules_digest}",
+            highlight=False,
+            soft_wrap=True,
+        )
     for line in _lines(replayed.events, replayed.marshalled):
         console.print(f"  {line}", highlight=False, soft_wrap=True)
 

@@ -48,7 +48,7 @@ def check_config(
     What wins over what: an override over `data`, `data` over the rule set that it names.
     """
     lines = lines or {}
-    changes = [_parsed(override) for override in overrides]
+    changes = [parse_override(override) for override in overrides]
     given = {path: override for (path, _), override in zip(changes, overrides, strict=True)}
     rules_set = [value for path, value in changes if path == _RULES]
     if rules_set:
@@ -57,7 +57,7 @@ def check_config(
     if rules is not None:
         data = with_rules(data, rules)
     for (path, value), override in zip(changes, overrides, strict=True):
-        _set(data, path, value, override)
+        set_key(data, path, value, override)
     context: dict[str, Any] = {"base": base}
     if isinstance(data.get("data_dir"), str):
         root = Path.cwd() if isinstance(data["data_dir"], CommandLineText) else base
@@ -83,8 +83,8 @@ def _rule_set(data: dict[str, Any], base: Path, where: str) -> RuleSet | None:
         raise InputError(f"{where}: rules: {error}") from error
 
 
-def _parsed(override: str) -> tuple[KeyPath, Any]:
-    """The key's path and the value of one `key.path=value`."""
+def parse_override(override: str) -> tuple[KeyPath, Any]:
+    """The key's path and the value of one `key.path=value`. Raises `InputError` where it has another form."""
     key, equals, text = override.partition("=")
     path = tuple(key.strip().split("."))
     if not equals or not all(path):
@@ -96,7 +96,8 @@ def _parsed(override: str) -> tuple[KeyPath, Any]:
     return path, CommandLineText(value) if isinstance(value, str) else value
 
 
-def _set(data: dict[str, Any], path: KeyPath, value: Any, override: str) -> None:
+def set_key(data: dict[str, Any], path: KeyPath, value: Any, override: str) -> None:
+    """Puts `value` at `path` into `data`. Raises `InputError` naming `override` where something above it is no section."""
     here = data
     for part in path[:-1]:
         here = here.setdefault(str(part), {})

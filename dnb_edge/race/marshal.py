@@ -15,8 +15,9 @@ from dnb_edge.race.crossing import lap_sigma_s
 from dnb_edge.race.edit import JUDGE, Action, AddedLap, Edit, LapKey, undone
 from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
 
-SAME_LAP = 0.5
-"""Laps that share more of their time than this are the same lap. Laps of a car do not overlap, so at most one does."""
+SAME_LAP = 2 / 3
+"""Laps that share more of their time than this are the same lap: a line may move by a fifth of a lap, and neither half of a lap
+that was cut in two is taken for it. Laps of a car do not overlap, so at most one does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -344,7 +345,7 @@ def _with_penalties(lap: Lap, penalties: Sequence[Penalty], reasons: Sequence[st
         reasons=tuple(reasons),
         penalties=tuple(penalties),
         penalty_s=penalty_s,
-        penalty_factor=math.prod(penalty.factor for penalty in penalties),
+        penalty_factor=math.prod((penalty.factor for penalty in penalties), start=1.0),
         official_time_s=lap.time_s + penalty_s,
     )
 
