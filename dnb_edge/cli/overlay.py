@@ -37,8 +37,8 @@ class Overlaid:
     marshalled: Marshalled
 
 
-def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, frames_t_ns: Sequence[int]) -> Overlaid:
-    """The race that said `events`, its last the summary, after `edits`; `frames_t_ns` are the stamps of all its frames."""
+def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, frames: Frames) -> Overlaid:
+    """The race that said `events`, its last the summary, after `edits`."""
     crossings = [event for event in events if isinstance(event, Crossing)]
     made = apply([event for event in events if isinstance(event, Lap)], edits, crossings)
     seen = _Seen(events, crossings, frames)
