@@ -48,7 +48,8 @@ from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.track.twin import Lane, LaneColour, load_twin
 from dnb_edge.values import Clock, EntryInfo, SourceInfo
-from dnb_edge.view.calibration import Calibration
+from dnb_edge.view.calibration import Calibration, Covariance9
+from dnb_edge.view.fit import fit_keypoints
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.ground import GroundMap
 from dnb_edge.view.homography import CalibrationError, calibration_error, fit_ground_map
@@ -87,6 +88,8 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
         laps=settings_of(LapRules, config.race),
         score=settings_of(ScoreSettings, config.score),
         not_scored_because=check(view.error, limit),
+        map_covariance=view.covariance,
+        row_s=config.capture.row_us * 1e-6,
         start=settings_of(StartRules, config.start),
         format=settings_of(FormatRules, config.format),
         penalties=settings_of(PenaltyRules, config.penalties),
@@ -155,6 +158,8 @@ class View:
     error: CalibrationError
     calibration: Calibration | None
     """The calibration that it comes from, for the size of picture on which it was made; None where it comes of keypoints."""
+    covariance: Covariance9 | None
+    """Covariance of `ground.camera_to_twin`, in its scale (see `Calibration`); None where it is not known."""
 
 
 def make_view(config: ViewConfig, scale: TwinScale, info: SourceInfo) -> View:
@@ -165,7 +170,34 @@ def make_view(config: ViewConfig, scale: TwinScale, info: SourceInfo) -> View:
     width_px, height_px = config.image_size_px or pairs.image_size_px or (info.width_px, info.height_px)
     ground = fit_ground_map(pairs, scale, width_px=width_px, height_px=height_px)
     error = calibration_error(pairs, metres_per_px=scale.metres_per_px)
-    return View(ground=ground.scaled_to(info.width_px, info.height_px), error=error, calibration=None)
+    ground = ground.scaled_to(info.width_px, info.height_px)
+    return View(
+        ground=ground,
+        error=error,
+        calibration=None,
+        covariance=_keypoint_covariance(pairs, ground, picture_px=(width_px, height_px)),
+    )
+
+
+def _keypoint_covariance(pairs: KeypointPairs, ground: GroundMap, *, picture_px: tuple[int, int]) -> Covariance9 | None:
+    """The covariance of a plain map of keypoints: that of the weighted fit to the same points, which scatter about as far from
+    either. None where that fit refuses them (swapped, mirrored): no sigma describes such a fault, and the gate judges it.
+    """
+    width_px, height_px = picture_px
+    try:
+        fitted = fit_keypoints(pairs, ground.scale, width_px=width_px, height_px=height_px).calibration
+    except InputError:
+        return None
+    fitted = fitted.scaled_to(ground.width_px, ground.height_px)
+    # A homography has no scale of its own: the covariance goes by that of its nine numbers, here by the depth at the middle.
+    own, other = (_middle_depth(one) for one in (ground, fitted.ground))
+    assert fitted.covariance is not None, "a weighted fit always has one"
+    return tuple(tuple(number * (own / other) ** 2 for number in row) for row in fitted.covariance)
+
+
+def _middle_depth(ground: GroundMap) -> float:
+    g, h, i = ground.camera_to_twin[6:]
+    return g * ground.width_px / 2 + h * ground.height_px / 2 + i
 
 
 def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> View:
@@ -184,7 +216,8 @@ def _calibrated_view(path: Path, scale: TwinScale, info: SourceInfo) -> View:
         ground = calibration.for_camera(width_px=info.width_px, height_px=info.height_px, camera_id=info.camera_id)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return View(ground=ground, error=calibration.error, calibration=calibration)
+    covariance = calibration.scaled_to(info.width_px, info.height_px).covariance
+    return View(ground=ground, error=calibration.error, calibration=calibration, covariance=covariance)
 
 
 def _tallest_m(detector: DetectorConfig) -> float:

@@ -287,6 +287,9 @@ class CaptureConfig(_Section):
     """Height asked of a camera, px."""
     fps: Positive = 30.0
     """Rate asked of a camera, frames per second."""
+    row_us: Annotated[Number, Field(ge=0)] = 0.0
+    """Time from one row of the picture to the next of a rolling shutter, microseconds; 0 where it is not known or all rows are
+    seen at once. A webcam that takes most of 1/30 s to read its 720 rows needs about 40."""
 
 
 class RecordConfig(_Section):
