@@ -355,7 +355,8 @@ class Config(_Section):
     @model_validator(mode="after")
     def _one_driver(self) -> Self:
         own, short = self.entry.name, self.name if "name" in self.model_fields_set else None
-        if own is not None and short is not None and own != short:
+        # A configuration as `config show` prints it has every key, the default name too.
+        if own is not None and short not in {None, own, type(self).model_fields["name"].default}:
             raise ValueError(f"name is {short!r} and entry.name is {own!r}: give one of the two")
         if own is None and short is None and self.entry != EntryConfig():
             raise ValueError("entry has no name: say in entry.name who or what drives")
