@@ -35,6 +35,8 @@ EVENT_NAMES: dict[type, str] = {
 }
 """The `event` member of each kind of event's JSON object."""
 
+_JSON = json.JSONDecoder()
+
 _ATOMS = frozenset({float, int, str, bool, type(None)})
 """Types whose values are plain JSON already."""
 
@@ -57,6 +59,11 @@ def from_dict(cls: type[T], data: dict[str, Any]) -> T:
     return made
 
 
+def from_json(cls: type[T], text: bytes) -> T:
+    """The instance of dataclass `cls` behind one JSON object in UTF-8; raises as `from_dict` and `json.loads` do."""
+    return from_dict(cls, _loaded(text))
+
+
 def json_schema(cls: type) -> dict[str, Any]:
     """A JSON Schema (2020-12) object for the dataclass `cls`, as Foxglove's JSON channels want it."""
     kinds = _field_types(cls)
@@ -66,6 +73,15 @@ def json_schema(cls: type) -> dict[str, Any]:
         "description": (cls.__doc__ or "").strip(),
         "properties": {name: _schema_of(kind) for name, kind in kinds.items()},
     }
+
+
+def _loaded(text: bytes) -> Any:
+    """As `json.loads`, which takes half as long again for what is the rule: UTF-8 and nothing round the value."""
+    try:
+        value, end = _JSON.raw_decode(text.decode())
+    except ValueError:
+        return json.loads(text)
+    return value if end == len(text) else json.loads(text)
 
 
 @cache

@@ -77,7 +77,7 @@ def replay(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], Cor
 
     Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
     """
-    run = read_run(path)
+    run = read_run(path, keep_detections=True)
     try:
         setup = CoreSetup.from_dict(run.header.setup["core"])
         calibration = dict(run.header.setup["calibration"])

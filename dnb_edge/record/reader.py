@@ -6,19 +6,24 @@ Knows the layout that docs/recording.md describes. Knows nothing of scoring. A f
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from mcap.records import Attachment, Channel, Message, Metadata
+from mcap.records import Attachment, Message, Metadata
 
 from dnb_edge import wire
 from dnb_edge.errors import InputError
 from dnb_edge.record import protobuf
-from dnb_edge.record.channels import IMAGE_NOTE_TOPIC, IMAGE_TOPIC, JSON_TOPICS, ImageNote
+from dnb_edge.record.channels import (
+    DETECTIONS_TOPIC,
+    EVENT_TOPICS,
+    IMAGE_NOTE_TOPIC,
+    IMAGE_TOPIC,
+    JSON_TOPICS,
+    ImageNote,
+)
 from dnb_edge.record.header import (
     LOSS_METADATA_NAME,
     RECOVERY_METADATA_NAME,
@@ -33,6 +38,9 @@ T = TypeVar("T")
 
 COMPRESSED_IMAGE_DATA_FIELD = 2
 """Field number of `data` in foxglove.CompressedImage."""
+
+KEPT_BYTES = 64 * 1024 * 1024
+"""Most text of detections that is kept in memory: that of a car over two hours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,48 +59,54 @@ class RecordedRun:
     damage: Damage | None
     """What is wrong with the file; None unless it was read with `tolerate_damage`."""
     warnings: tuple[str, ...]
+    kept: tuple[tuple[int, bytes], ...] | None = field(default=None, repr=False)
+    """Log time and text of all detections, as they were found in checking; None where nobody wanted them kept."""
 
     def messages(self) -> Iterator[FrameDetections | Event]:
         """Detections and events, in the order in which they were recorded. Raises InputError where one is malformed."""
-        for topic, message in _messages(LinearReader(self.path)):
-            kind = JSON_TOPICS.get(topic)
-            if kind is not None:
-                yield _decoded(self.path, topic, kind, message)
+        for topic, message in _messages(LinearReader(self.path, topics=JSON_TOPICS)):
+            yield _decoded(self.path, topic, JSON_TOPICS[topic], message.data, message.log_time)
 
     def detections(self) -> Iterator[FrameDetections]:
         """What the pure core was given, frame by frame."""
-        return (one for one in self.messages() if isinstance(one, FrameDetections))
+        texts = self._detection_texts() if self.kept is None else self.kept
+        return (_decoded(self.path, DETECTIONS_TOPIC, FrameDetections, text, t_ns) for t_ns, text in texts)
+
+    def _detection_texts(self) -> Iterator[tuple[int, bytes]]:
+        for _, message in _messages(LinearReader(self.path, topics=(DETECTIONS_TOPIC,))):
+            yield message.log_time, message.data
 
     def events(self) -> Iterator[Event]:
         """What the core and the appliance said, in order."""
-        return (one for one in self.messages() if not isinstance(one, FrameDetections))
+        for topic, message in _messages(LinearReader(self.path, topics=EVENT_TOPICS.values())):
+            yield _decoded(self.path, topic, JSON_TOPICS[topic], message.data, message.log_time)
 
 
-def read_run(path: Path, *, tolerate_damage: bool = False) -> RecordedRun:
+def read_run(path: Path, *, tolerate_damage: bool = False, keep_detections: bool = False) -> RecordedRun:
     """Open the recording at `path` and check all of it: structure, lengths, checksums, header.
 
     Raises InputError with one line where it is not there, no MCAP file, no recording of ours, cut short or damaged. With
-    `tolerate_damage` the last two are told by `damage` instead, and the messages are those before the damage.
+    `tolerate_damage` the last two are told by `damage` instead, and the messages are those before the damage. With
+    `keep_detections` their text stays in memory, up to `KEPT_BYTES`, so that the file need not be read a second time for them.
     """
-    reader = LinearReader(path)
-    counts: Counter[str] = Counter()
-    first_t_ns: int | None = None
-    last_t_ns: int | None = None
+    reader = LinearReader(path, topics=(DETECTIONS_TOPIC,) if keep_detections else ())
     header: RunHeader | None = None
     lost: dict[str, dict[str, str]] = {}
-    channels: dict[int, str] = {}
+    kept, room = [], KEPT_BYTES if keep_detections else 0
     for record in _records(reader, path):
         match record:
+            case Message(log_time=t_ns, data=data):
+                room -= len(data)
+                if room > 0:
+                    kept.append((t_ns, data))
+                else:
+                    kept.clear()
             case Attachment(name=name, data=data) if name == SETUP_NAME and header is None:
                 header = _header(path, data)
             case Metadata(name=name, metadata=metadata):
                 lost[name] = metadata
-            case Channel(id=number, topic=topic):
-                channels[number] = topic
-            case Message(channel_id=number, log_time=t_ns):
-                counts[channels.get(number, "")] += 1
-                first_t_ns = t_ns if first_t_ns is None else min(first_t_ns, t_ns)
-                last_t_ns = t_ns if last_t_ns is None else max(last_t_ns, t_ns)
+            case _:
+                pass
     if not reader.is_mcap:
         raise InputError(f"{path}: not an MCAP file")
     if reader.damage is not None and not tolerate_damage:
@@ -103,22 +117,23 @@ def read_run(path: Path, *, tolerate_damage: bool = False) -> RecordedRun:
     return RecordedRun(
         path=path,
         header=header,
-        counts=dict(counts),
-        first_t_ns=first_t_ns,
-        last_t_ns=last_t_ns,
+        counts=reader.tally.counts,
+        first_t_ns=reader.tally.first_t_ns,
+        last_t_ns=reader.tally.last_t_ns,
         lost_messages=lost_messages,
         damage=reader.damage,
         warnings=warnings,
+        kept=tuple(kept) if room > 0 else None,
     )
 
 
 def iter_frames(path: Path) -> Iterator[Frame]:
     """The recorded pictures with their stamps and the source's own frame numbers, as JPEG. Raises InputError."""
     note: ImageNote | None = None
-    reader = LinearReader(path)
+    reader = LinearReader(path, topics=(IMAGE_NOTE_TOPIC, IMAGE_TOPIC))
     for topic, message in _messages(reader):
         if topic == IMAGE_NOTE_TOPIC:
-            note = _decoded(path, topic, ImageNote, message)
+            note = _decoded(path, topic, ImageNote, message.data, message.log_time)
         elif topic == IMAGE_TOPIC and note is not None and note.t_ns == message.log_time:
             yield _frame(path, note, message)
             note = None
@@ -145,20 +160,17 @@ def _records(reader: LinearReader, path: Path) -> Iterator[Record]:
 
 
 def _messages(reader: LinearReader) -> Iterator[tuple[str, Message]]:
-    """Every message with its topic; one whose channel is unknown is left out, since nobody can say what it is."""
-    channels: dict[int, str] = {}
+    """The reader's messages with their topics; one whose channel is unknown is left out, since nobody can say what it is."""
     for record in _records(reader, reader.path):
-        if isinstance(record, Channel):
-            channels[record.id] = record.topic
-        elif isinstance(record, Message) and record.channel_id in channels:
-            yield channels[record.channel_id], record
+        if isinstance(record, Message) and (topic := reader.tally.topic(record.channel_id)) is not None:
+            yield topic, record
 
 
-def _decoded(path: Path, topic: str, kind: type[T], message: Message) -> T:
+def _decoded(path: Path, topic: str, kind: type[T], text: bytes, t_ns: int) -> T:
     try:
-        return wire.from_dict(kind, json.loads(message.data))
+        return wire.from_json(kind, text)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(f"{path}: a message of {topic} at {message.log_time} ns is malformed: {error}") from error
+        raise InputError(f"{path}: a message of {topic} at {t_ns} ns is malformed: {error}") from error
 
 
 def _header(path: Path, data: bytes) -> RunHeader:

@@ -110,3 +110,17 @@ def test_a_point_has_two_numbers(point: list[float]) -> None:
     detection = {"camera_px": point, "sigma_px": 1.0, "length_px": 9.0, "confidence": 0.5}
     with pytest.raises(ValueError, match="2"):
         wire.from_dict(values.Detection, detection)
+
+
+@given(
+    text=st.binary(max_size=20)
+    | JSON_VALUES.map(lambda value: f" {json.dumps(value)}".encode())
+    | st.text().map(str.encode)
+)
+@pytest.mark.parametrize("around", [b"", b" ", b"\xef\xbb\xbf"])
+def test_text_is_read_as_by_the_standard_library(around: bytes, text: bytes) -> None:
+    """Whatever stands in a message: read or refused as `json.loads` does, in any of its encodings, with blanks round it."""
+    for one in (text, text.strip(), around + text, text + around, json.dumps(text.decode("latin-1")).encode("utf-16")):
+        assert _outcome(lambda _, given: wire._loaded(given), dict, one) == _outcome(
+            lambda _, given: json.loads(given), dict, one
+        )

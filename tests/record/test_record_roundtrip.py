@@ -1,6 +1,7 @@
 """What goes into a recording comes out of it, for us exactly and for anybody with the stock MCAP reader."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from record_samples import HEADER, found, frame, lap, recorder, target
 
 from dnb_edge import values, wire
 from dnb_edge.errors import InputError
+from dnb_edge.record import reader
 from dnb_edge.record.channels import JSON_TOPICS
 from dnb_edge.record.reader import iter_frames, read_run
 from dnb_edge.values import (
@@ -148,6 +150,23 @@ def test_every_value_comes_back_exactly_and_in_order(tmp_path: Path, items) -> N
     assert list(run.messages()) == items
     assert list(run.detections()) == [item for item in items if isinstance(item, FrameDetections)]
     assert list(run.events()) == [item for item in items if not isinstance(item, FrameDetections)]
+    kept = read_run(run.path, keep_detections=True)
+    assert replace(kept, kept=None) == run
+    assert list(kept.detections()) == list(run.detections())
+
+
+def test_more_detections_than_are_kept_are_read_from_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording of any length is read in bounded memory: beyond the bound its detections come from the file again."""
+    writer = recorder(tmp_path)
+    frames = [found(k, k * 33_000_000) for k in range(20)]
+    for one in frames:
+        writer.add_detections(one)
+    path = writer.close()
+    monkeypatch.setattr(reader, "KEPT_BYTES", 1000)
+    run = read_run(path, keep_detections=True)
+    assert run.kept is None
+    assert run.counts["/detections"] == 20
+    assert list(run.detections()) == frames
 
 
 def test_stock_reader_opens_it_with_standard_schemas(tmp_path: Path) -> None:
