@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -303,3 +305,22 @@ def test_the_schema_for_editors_knows_the_sections() -> None:
     assert schema["$defs"]["Effect"]["additionalProperties"] is False
     forms = schema["$defs"]["CarConfig"]["properties"]["colour"]["anyOf"]
     assert [form["type"] for form in forms] == ["string", "array", "null"]
+
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "rules.md"
+
+
+def test_every_key_and_rule_set_stands_in_the_docs() -> None:
+    """A new rule is not done before docs/rules.md tells it."""
+    text = DOCS.read_text()
+    keys = [field.name for kind in (*KINDS.values(), Effect) if kind is not ScoreSettings for field in fields(kind)]
+    words = [*keys, *Ranking, *PRESETS, *SECTIONS, "cars", "marker", "colour"]
+    assert [word for word in words if f"`{word}`" not in text] == []
+
+
+def test_the_docs_examples_are_right(path: Path, tmp_path: Path) -> None:
+    """The configuration and the rule set in docs/rules.md can be copied."""
+    config, rules = re.findall(r"```yaml\n(.*?)```", DOCS.read_text(), re.DOTALL)
+    assert load(path, config).race.laps == 5
+    (tmp_path / "club.yaml").write_text(rules)
+    assert penalties(load(path, "rules: club.yaml\n")).off_track == Effect(seconds=3.0)
