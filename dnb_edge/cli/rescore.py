@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from dnb_edge import wire
@@ -27,6 +28,7 @@ from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, check_together
 from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.values import Points
 
 _PARTS: dict[str, tuple[str, type]] = {
     "race": ("laps", LapRules),
@@ -174,6 +176,12 @@ def _told(setup: CoreSetup) -> dict[str, Any]:
     for name, (member, _) in _PARTS.items():
         told |= _flat(name, wire.to_dict(getattr(setup, member)))
     return told
+
+
+def _area_m2(points_m: Points) -> float:
+    """Area of the closed polygon (n, 2), by Gauss; positive where it goes anticlockwise."""
+    x, y = points_m.T
+    return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
 
 
 def _flat(above: str, values: Mapping[str, Any]) -> dict[str, Any]:

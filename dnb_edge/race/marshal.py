@@ -62,6 +62,22 @@ class Marshalled:
         return tuple(one.lap for one in self.laps)
 
 
+def in_sequence(marshalled: Marshalled) -> dict[int, tuple[Lap, ...]]:
+    """Each car's laps that count, numbered by their place among all that it drove: as rankings want them.
+
+    A lap that was taken away leaves its place empty, so that those before and after it are not in a row.
+    """
+    placed: dict[int, list[Lap]] = {}
+    cars: dict[int, int] = {}
+    gone = set(map(id, marshalled.removed))
+    for one in sorted((*marshalled.laps, *marshalled.removed), key=_in_order):
+        car = one.lap.car
+        cars[car] = cars.get(car, 0) + 1
+        if id(one) not in gone:
+            placed.setdefault(car, []).append(replace(one.lap, number=cars[car]))
+    return {car: tuple(laps) for car, laps in placed.items()}
+
+
 def apply(laps: Sequence[Lap], edits: Sequence[Edit], crossings: Sequence[Crossing] = ()) -> Marshalled:
     """The `laps` that the race made after `edits`, in the order of their numbers.
 

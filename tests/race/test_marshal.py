@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dnb_edge.errors import InputError
 from dnb_edge.race.edit import Action, AddedLap, Edit, LapKey, undone
-from dnb_edge.race.marshal import added_to, apply
+from dnb_edge.race.marshal import added_to, apply, in_sequence
 from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
 
 S = 1_000_000_000
@@ -207,6 +207,16 @@ def test_an_undo_can_be_undone():
     assert undone(edits) == {2}
     assert undone(edits[:2]) == {1}
     assert apply(LAPS, edits).kept == apply(LAPS, edits[:1]).kept
+
+
+def test_rankings_get_laps_in_the_order_in_which_they_were_driven():
+    """A merged lap takes one place, an added one its own, and a removed one leaves a gap: laps round it are not in a row."""
+    edits = [edit(1, Action.MERGE, LAPS[1], LAPS[2]), add(2, 31.0, 41.0), edit(3, Action.REMOVE, LAPS[0])]
+    places = in_sequence(apply(LAPS, edits))
+    assert {car: [(one.number, one.start_s) for one in laps] for car, laps in places.items()} == {
+        1: [(2, 11.0), (3, 21.0), (4, 31.0)],
+        2: [(1, 25.0)],
+    }
 
 
 REFUSED = [
