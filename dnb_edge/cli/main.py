@@ -28,6 +28,7 @@ from dnb_edge.cli import (
     table,
     teach,
     track,
+    truth,
 )
 from dnb_edge.errors import DnbEdgeError, InputError
 
@@ -44,6 +45,7 @@ app.command("table")(table.table)
 app.command("report")(results.report)
 app.command("bench")(bench.bench)
 app.command("teach")(teach.teach)
+app.command("truth")(truth.truth)
 app.add_typer(track.app, name="track")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(runs.app, name="runs")

@@ -1,0 +1,1 @@
+"""The accuracy certificate: simulated races, through the appliance's own rooms, against the truth of what was driven."""
