@@ -12,10 +12,9 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import combinations
 from typing import Protocol
 
-from dnb_edge.score.compare import Comparison, Estimate, Sample, compare, differs, estimate
+from dnb_edge.score.compare import Comparison, Estimate, Sample, compare, estimate
 from dnb_edge.values import EntryInfo, Lap
 
 
@@ -290,15 +289,19 @@ def _compared(estimates: Sequence[Estimate | None], *, best: int) -> Comparison:
         p=p,
         untested=frozenset(order[i] for i in ranked.untested),
         letters=tuple(letters[i] for i in range(len(estimates))),
+        groups=tuple(frozenset(order[i] for i in group) for group in ranked.groups),
     )
 
 
 def _notes(comparison: Comparison, labels: Sequence[str], figure: str) -> list[str]:
-    notes = [
-        f"{labels[i]} and {labels[j]} cannot be told apart by {figure} (p = {comparison.p[i, j]:.2f})"
-        for i, j in combinations(range(len(labels)), 2)
-        if (i, j) in comparison.p and not differs(comparison.p[i, j])
-    ]
+    notes = []
+    for group in comparison.groups:
+        if len(group) > 1:
+            *most, last = (labels[i] for i in sorted(group))
+            p = f"p = {comparison.least_p(group):.2f}" + (
+                " or more" if len(most) > 1 and comparison.least_p(group) < 0.995 else ""
+            )
+            notes.append(f"{', '.join(most)} and {last} cannot be told apart by {figure} ({p})")
     compared = sum(letters is not None for letters in comparison.letters)
     if comparison.untested and len(comparison.untested) + compared > 1:
         names = ", ".join(labels[i] for i in sorted(comparison.untested))

@@ -117,6 +117,12 @@ class Comparison:
     """Candidates with a mean but no interval: nothing can be said of them."""
     letters: tuple[str | None, ...]
     """A candidate's groups: two that share a letter cannot be told apart. None for a candidate that was not tested."""
+    groups: tuple[frozenset[int], ...]
+    """The groups behind the letters, `a` first."""
+
+    def least_p(self, group: Iterable[int]) -> float:
+        """The least corrected p value among the pairs of a group of two or more."""
+        return min(self.p[pair] for pair in combinations(sorted(group), 2))
 
     def alike(self, candidate: int) -> tuple[int, ...]:
         """The candidates that were not shown to differ from `candidate`, in order; none where it has no mean."""
@@ -154,6 +160,7 @@ def compare(estimates: Sequence[Estimate | None]) -> Comparison:
             "".join(_letter(k) for k, group in enumerate(groups) if i in group) if i in tested else None
             for i in range(len(estimates))
         ),
+        groups=tuple(groups),
     )
 
 

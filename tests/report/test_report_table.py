@@ -143,6 +143,7 @@ def test_who_cannot_be_told_apart_is_said_in_every_form() -> None:
     assert "fast and faster? cannot be told apart by completion time (p = 0.94)" in text.splitlines()
     assert "slow cannot be told apart by completion time" not in text
     assert text.splitlines()[-1] == INTERVALS
+    assert "fast, faster? and slow cannot be told apart by path similarity (p = 1.00)" in text.splitlines()
     assert r"10.012 \pm 0.085^{\mathrm{a}}" in as_latex(table)
     assert r"20.000 \pm 0.100^{\mathrm{b}}" in as_latex(table)
 
