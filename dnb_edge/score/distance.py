@@ -26,7 +26,7 @@ from dnb_edge.values import Points
 
 Floats: TypeAlias = NDArray[np.float64]
 
-_BLOCK = 1 << 16
+_BLOCK = 1 << 14
 """Local distances computed at a time: few enough to stay in a processor's cache."""
 
 
@@ -103,21 +103,24 @@ def distances(
     n, m = len(path), len(reference)
     if n == 0 or m == 0:
         raise ValueError(f"a path of {n} points cannot be compared with one of {m}")
-    # Three diagonals, one row a programme, indexed by i + 1; entry 0 is the table's border, where nothing begins.
     before, last, current = (_Diagonal.of(len(programmes), n) for _ in range(3))
-    best = np.empty((len(programmes), n))
+    best = np.empty(len(programmes) * (n + 1) - 1)
+    ways = [best[row * (n + 1) : row * (n + 1) + n] for row in range(len(programmes))]
     joins = [np.maximum if programme is Programme.FRECHET else np.add for programme in programmes]
     doubled = [row for row, programme in enumerate(programmes) if programme is Programme.DTW_SYMMETRIC]
-    for k, local in enumerate(_diagonals(path, reference, clamp, headings)):
-        if k == 0:
+    first = True
+    for local in _diagonals(path, reference, clamp, headings):
+        if first:
             before.cells[:, 0] = [_corner(programme, float(local[0])) for programme in programmes]
         for row in doubled:
-            before.left[row] += local
+            before.cells[row, :-1] += local
         np.minimum(last.left, last.here, out=best)
         np.minimum(best, before.left, out=best)
-        for join, way, cells in zip(joins, best, current.rows, strict=True):
+        for join, way, cells in zip(joins, ways, current.rows, strict=True):
             join(local, way, out=cells)
-        before.cells[:, 0] = np.inf
+        if first:
+            before.cells[:, 0] = np.inf
+            first = False
         before, last, current = last, current, before
     return tuple(float(total) for total in last.cells[:, n])
 
@@ -127,17 +130,20 @@ class _Diagonal:
     """One diagonal of each programme's table, and the parts of it that the next two diagonals read."""
 
     cells: Floats
+    """(programmes, n + 1), cell i at i + 1; at 0 is the table's border, where nothing begins."""
     left: Floats
-    """Cell (i - 1) at i."""
+    """All cells in a row but the last: cell i - 1 where `here` has cell i. One array for all programmes takes the least in one
+    step; what it has where one programme ends and the next begins is never read."""
     here: Floats
     rows: tuple[Floats, ...]
-    """`here`, programme by programme."""
+    """(n,) for each programme, cell i at i."""
 
     @classmethod
     def of(cls, programmes: int, n: int) -> Self:
         """A diagonal before the table's beginning."""
-        cells = np.full((programmes, n + 1), np.inf)
-        return cls(cells=cells, left=cells[:, :-1], here=cells[:, 1:], rows=tuple(cells[:, 1:]))
+        flat = np.full(programmes * (n + 1), np.inf)
+        cells = flat.reshape(programmes, n + 1)
+        return cls(cells=cells, left=flat[:-1], here=flat[1:], rows=tuple(cells[:, 1:]))
 
 
 def _corner(programme: Programme, first: float) -> float:
@@ -147,29 +153,34 @@ def _corner(programme: Programme, first: float) -> float:
 
 def _diagonals(path: Points, reference: Points, clamp: float | None, headings: Headings | None) -> Iterator[Floats]:
     """The local distances, diagonal by diagonal: at i, (n,), that of path point i and reference point k - i, infinite
-    outside the table.
+    outside the table. Each is good until the next one is asked for.
     """
     n, m = len(path), len(reference)
     count = n + m - 1
     step = max(1, _BLOCK // n)
     x, y = np.ascontiguousarray(path.T, dtype=np.float64)
     # With the reference reversed, the cells (i, k - i) of diagonal k read both arrays in the same direction.
-    to_x, to_y = (_windows(axis, n, outside=0.0) for axis in reference.T)
+    to_x, to_y = (_windows(axis, n, outside=np.inf) for axis in reference.T)
     border = _windows(np.zeros(m), n, outside=np.inf)
+    if headings is not None:
+        (u, v), (to_u, to_v) = headings.path.T, (_windows(axis, n, outside=0.0) for axis in headings.reference.T)
+    # The same memory for every block: to ask for it anew costs more than to fill it.
+    blocks = np.empty((2, step, n))
     for k in range(0, count, step):
-        rows = slice(k, k + step)
-        local, across = x - to_x[rows], y - to_y[rows]
+        rows = slice(k, min(k + step, count))
+        local, across = blocks[:, : rows.stop - k]
+        np.subtract(x, to_x[rows], out=local)
+        np.subtract(y, to_y[rows], out=across)
         np.multiply(local, local, out=local)
         np.multiply(across, across, out=across)
         np.add(local, across, out=local)
         np.sqrt(local, out=local)
         if clamp is not None:
             np.minimum(local, clamp, out=local)
+            np.add(local, border[rows], out=local)
         if headings is not None:
-            (u, v), (to_u, to_v) = headings.path.T, (_windows(axis, n, outside=0.0) for axis in headings.reference.T)
             # |u - v|^2 / 4 is (1 - cos) / 2, and exactly nothing between equal directions.
             local += 0.25 * headings.cost_m * ((u - to_u[rows]) ** 2 + (v - to_v[rows]) ** 2)
-        local += border[rows]
         yield from local
 
 
