@@ -212,7 +212,7 @@ def _added(case: Case, start: str, end: str, car: int) -> dict[str, Any]:
     highest = max((lap.number for lap in laps if lap.car == car), default=0)
     earlier = [edit.added.key.number for edit in case.log.edits if edit.added is not None and edit.added.key.car == car]
     key = LapKey(car=car, number=max([highest, *earlier]) + 1, start_t_ns=ends_ns[0], end_t_ns=ends_ns[1])
-    start_s = (ends_ns[0] - case.raced.frames.t_ns[0]) * 1e-9
+    start_s = first.t_s if isinstance(first, Crossing) else first
     return {"action": Action.ADD, "added": AddedLap(key=key, start_s=start_s, sigma_s=sigma_s)}
 
 

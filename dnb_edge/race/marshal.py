@@ -148,7 +148,10 @@ class _Sheet:
         for one in self.laps:
             lap = one.lap
             if lap.car == key.car and lap.start_t_ns < key.end_t_ns and key.start_t_ns < lap.end_t_ns:
-                return f"{_name(lap)} is driven in the same time, from {lap.start_s:.3f} to {_end_s(lap):.3f} s"
+                return (
+                    f"{_name(lap)} is driven in the same time, from {lap.start_s:.3f} to {_end_s(lap):.3f} s: begin "
+                    "and end at its passes, or remove it first"
+                )
         number = key.number
         if any((lap.car, lap.number) == (key.car, number) for lap in self._raw):
             number = self._highest + edit.number
