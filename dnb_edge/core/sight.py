@@ -29,8 +29,11 @@ class Sight:
         if track_m is None:
             return None
         below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else detection.camera_px
-        share, variance = ground.share_at(height_m), detection.sigma_px * detection.sigma_px
-        xu, xv, yu, yv = (slope * share for slope in ground.slopes(detection.camera_px))
+        xu, xv, yu, yv = slopes = ground.slopes(detection.camera_px)
+        if height_m > 0.0:
+            share = ground.share_at(height_m)
+            xu, xv, yu, yv = slopes = xu * share, xv * share, yu * share, yv * share
+        variance = detection.sigma_px * detection.sigma_px
         observation = Observation(
             t_ns=t_ns,
             t_s=t_s,
@@ -50,7 +53,7 @@ class Sight:
             length_m=detection.length_px * math.sqrt(abs(xu * yv - xv * yu)),
             marker_id=detection.marker_id,
             colour_bgr=detection.colour_bgr,
-            heading_rad=_heading_on_track(detection.heading_rad, (xu, xv, yu, yv)),
+            heading_rad=_heading_on_track(detection.heading_rad, slopes),
         )
 
     def _on_lane(self, observation: Observation) -> bool:

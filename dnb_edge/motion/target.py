@@ -6,12 +6,13 @@ Knows one car at a time; who gets which observation is `follow`'s business, who 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 from dnb_edge.motion import kalman
 from dnb_edge.motion.appearance import UNKNOWN, Appearance, Sighting
+from dnb_edge.motion.copies import changed
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.values import Observation, Target, TargetState
 
@@ -43,7 +44,7 @@ class Doubt:
 
     def after(self, sighting: Sighting) -> Doubt:
         """With one more separate sighting."""
-        return replace(self, looks=self.looks.after(sighting), votes=self.votes + 1)
+        return changed(self, looks=self.looks.after(sighting), votes=self.votes + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +113,7 @@ class Followed:
 
 def born(target_id: int, sighting: Sighting, settings: MotionSettings) -> Followed:
     """A new, tentative target."""
-    observation = replace(sighting.observation, target_id=target_id)
+    observation = changed(sighting.observation, target_id=target_id)
     estimate = kalman.begin(
         observation.t_ns, observation.track_m, observation.covariance_m2, settings.start_speed_sigma_mps
     )
@@ -133,7 +134,7 @@ def born(target_id: int, sighting: Sighting, settings: MotionSettings) -> Follow
 
 def ahead(target: Followed, t_ns: int, settings: MotionSettings) -> Followed:
     """The target as expected at `t_ns`, before that frame's observations; what was told of it is forgotten."""
-    return replace(
+    return changed(
         target,
         estimate=kalman.predict(target.estimate, t_ns, settings.acceleration_sigma_mps2),
         pending=target.pending if target.held else (),
@@ -165,8 +166,8 @@ def _observed(
     target: Followed, observation: Observation, estimate: kalman.Estimate, *, on_lane: bool, **more: Any
 ) -> Followed:
     """The target after an observation, with the members `more` as well: each copy of it costs some microseconds."""
-    tagged = replace(observation, target_id=target.target_id)
-    return replace(
+    tagged = changed(observation, target_id=target.target_id)
+    return changed(
         target,
         state=TargetState.TENTATIVE if target.state is TargetState.TENTATIVE else TargetState.CONFIRMED,
         estimate=estimate,
@@ -182,7 +183,7 @@ def _observed(
 def aged(target: Followed, t_ns: int, settings: MotionSettings) -> Followed:
     """The target in its state at `t_ns`."""
     state = _state_at(target, t_ns, settings)
-    return target if state is target.state else replace(target, state=state)
+    return target if state is target.state else changed(target, state=state)
 
 
 def _state_at(target: Followed, t_ns: int, settings: MotionSettings) -> TargetState:
@@ -199,11 +200,11 @@ def _state_at(target: Followed, t_ns: int, settings: MotionSettings) -> TargetSt
 
 def renamed(target: Followed, target_id: int, looks: Appearance) -> Followed:
     """The same motion, known to be the car `target_id` that looks like `looks`; what waits to be told changes with it."""
-    return replace(
+    return changed(
         target,
         target_id=target_id,
         looks=looks,
-        first=replace(target.first, target_id=target_id),
-        last=replace(target.last, target_id=target_id),
-        pending=tuple(replace(observation, target_id=target_id) for observation in target.pending),
+        first=changed(target.first, target_id=target_id),
+        last=changed(target.last, target_id=target_id),
+        pending=tuple(changed(observation, target_id=target_id) for observation in target.pending),
     )

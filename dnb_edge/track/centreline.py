@@ -193,8 +193,8 @@ class Centreline:
         """The point, track m, at `s_m` (any real number), `d_m` to the centreline's left. A closed route is taken round, an
         open one goes straight on beyond its ends.
         """
-        i = self._segment_at(s_m)
-        plain, along = self._plain, self._round(s_m) - self._plain.s_m[i]
+        i, along = self._on_segment(s_m)
+        plain = self._plain
         (x, y), (tx, ty) = plain.points_m[i], plain.tangents[i]
         return x + along * tx - d_m * ty, y + along * ty + d_m * tx
 
@@ -271,14 +271,23 @@ class Centreline:
         return s_m % self.length_m if self.closed else s_m
 
     def _segment_at(self, s_m: float) -> int:
-        at = bisect_right(self._plain.s_m, self._round(s_m)) - 1
-        return min(max(at, 0), len(self._lengths_m) - 1)
+        return self._on_segment(s_m)[0]
+
+    def _on_segment(self, s_m: float) -> tuple[int, float]:
+        """The segment on which `s_m` lies, and the way from the segment's start, metres."""
+        starts_m, s_m = self._plain.s_m, self._round(s_m)
+        i = bisect_right(starts_m, s_m) - 1
+        # Before an open route's start, beyond its last segment, and where rounding makes a full round of nearly one.
+        i = min(max(i, 0), len(self._plain.lengths_m) - 1)
+        return i, s_m - starts_m[i]
 
     def _between(self, s_m: float) -> tuple[int, int, float]:
         """The points before and after `s_m` and the share 0..1 of the way between them."""
-        i = self._segment_at(s_m)
-        share = (self._round(s_m) - self._plain.s_m[i]) / self._plain.lengths_m[i]
-        return i, (i + 1) % len(self.points_m), share if self.closed else min(max(share, 0.0), 1.0)
+        i, along_m = self._on_segment(s_m)
+        share = along_m / self._plain.lengths_m[i]
+        if self.closed:
+            return i, (i + 1) % len(self._plain.s_m), share
+        return i, i + 1, min(max(share, 0.0), 1.0)
 
     def _projected(self, point_m: PointM, segments: NDArray[np.intp]) -> tuple[float, float]:
         s_m, d_m = self._project(np.asarray(point_m, dtype=np.float64).reshape(1, 2), segments)

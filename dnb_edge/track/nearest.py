@@ -19,8 +19,11 @@ from dnb_edge.values import Points
 Segment: TypeAlias = tuple[float, float, float, float, float, float]
 """Start (x, y), direction (x, y) as a unit vector, length, and arc length of its start along the polyline."""
 
-CELL_LENGTHS = 2.0
+CELL_LENGTHS = 1.0
 """Side of a cell in mean lengths of a segment."""
+
+BLOCK = 8
+"""Side of a block in cells: what can be the nearest in a cell is sought among what can be the nearest in its block."""
 
 MOST_CELLS = 1 << 16
 """Cells that are remembered; with one more, all are forgotten."""
@@ -48,6 +51,7 @@ class SegmentGrid:
         self._slack = 1e-3 * _ROUNDING * (float(np.abs(ends).max()) + margin)
         self._low_x, self._low_y = (low - margin).tolist()
         self._high_x, self._high_y = (high + margin).tolist()
+        self._blocks: dict[tuple[int, int], list[int]] = {}
         self._cells: dict[tuple[int, int], tuple[Segment, ...]] = {}
 
     def nearest(self, x: float, y: float) -> tuple[float, float] | None:
@@ -76,16 +80,22 @@ class SegmentGrid:
 
     def _visited(self, cell: tuple[int, int]) -> tuple[Segment, ...]:
         """The segments that can be the nearest to a point of the cell."""
-        centre = (
-            self._low_x + (cell[0] + 0.5) * self._side,
-            self._low_y + (cell[1] + 0.5) * self._side,
-        )
-        offsets = centre - self._starts
-        along = np.clip((offsets * self._tangents).sum(axis=1), 0.0, self._lengths)
-        apart = np.hypot(*(offsets - along[:, None] * self._tangents).T)
-        bound = (float(apart.min()) + math.sqrt(2.0) * self._side) * (1.0 + _ROUNDING) + self._slack
-        segments = tuple(self._segments[i] for i in np.flatnonzero(apart <= bound).tolist())
         if len(self._cells) >= MOST_CELLS:
             self._cells.clear()
-        self._cells[cell] = segments
+            self._blocks.clear()
+        block = cell[0] // BLOCK, cell[1] // BLOCK
+        if block not in self._blocks:
+            self._blocks[block] = self._candidates(block, BLOCK * self._side, np.arange(len(self._lengths)))
+        candidates = self._candidates(cell, self._side, np.array(self._blocks[block]))
+        segments = self._cells[cell] = tuple(self._segments[i] for i in candidates)
         return segments
+
+    def _candidates(self, cell: tuple[int, int], side: float, segments: NDArray[np.intp]) -> list[int]:
+        """Those of `segments` that can be the nearest to a point of cell number `cell` of a grid of squares of `side`."""
+        centre = (self._low_x + (cell[0] + 0.5) * side, self._low_y + (cell[1] + 0.5) * side)
+        offsets, tangents = centre - self._starts[segments], self._tangents[segments]
+        along = np.clip((offsets * tangents).sum(axis=1), 0.0, self._lengths[segments])
+        apart = np.hypot(*(offsets - along[:, None] * tangents).T)
+        bound = (float(apart.min()) + math.sqrt(2.0) * side) * (1.0 + _ROUNDING) + self._slack
+        found: list[int] = segments[apart <= bound].tolist()
+        return found
