@@ -1,3 +1,3 @@
 """How well a driven path matches the route.
 
-Knows two lists of points in metres; knows nothing of time or pictures."""
+Knows paths and fixes on the track plane, and laps; knows nothing of pictures, detections or who is who."""
