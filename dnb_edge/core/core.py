@@ -13,19 +13,20 @@ from dnb_edge.motion.follow import Follower
 from dnb_edge.motion.target import Followed
 from dnb_edge.race.fix import Fix, FrameStamps
 from dnb_edge.race.seats import Seats
-from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState
+from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState, path_points
 
 
 class Core:
     """Feed it each frame's detections in order; it returns the events that they cause, in order."""
 
-    def __init__(self, setup: CoreSetup) -> None:
+    def __init__(self, setup: CoreSetup, *, tell_running: bool = True) -> None:
+        """`tell_running`: whether running laps are told while they run; it changes nothing else."""
         self._setup = setup
         self._follower = Follower(setup.motion, setup.track.centreline)
         self._sight = Sight(setup.ground, setup.track.centreline, margin_m=setup.birth_margin_m)
         self._seats = Seats(setup.motion.cars, setup.cars)
         self._views = ViewLog(setup.track.centreline)
-        self._field = Field(setup, self._views)
+        self._field = Field(setup, self._views, tell_running=tell_running)
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
 
@@ -64,7 +65,7 @@ class Core:
             events.append(target.as_value(t_s))
             if seat is None:
                 continue
-            car = self._field.cars[seat]
+            car = self._field.entrants[seat].race
             seen = car.news([] if _is_held(target) else target.pending)
             events[-1:] = [*seen, events[-1]]
             fixes[seat] = fixes.get(seat, []) + car.fixes(
@@ -72,7 +73,20 @@ class Core:
             )
             if _is_held(target):
                 waiting.add(seat)
-        return events + self._field.frame(found.t_ns, fixes, waiting=waiting)
+        events += self._field.frame(found.t_ns, fixes, waiting=waiting)
+        self._adopt()
+        return events
+
+    def _adopt(self) -> None:
+        """Takes what is parked on the grid for cars while standing cars are awaited there: nothing else makes them cars."""
+        grid = self._field.awaited_on_grid
+        if grid is None or not self._follower.parked:
+            return
+        route = self._setup.track.centreline
+        for target in self._follower.parked:
+            (s_m,), _ = (values.tolist() for values in route.locate(path_points([target.first.track_m])))
+            if 0 < grid.before_m(s_m) <= self._setup.start.grid_m:
+                self._follower.adopt(target.target_id)
 
     def finish(self) -> list[Event]:
         """Says that no frame will follow; returns the events that were still waiting for one."""

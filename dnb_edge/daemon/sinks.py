@@ -14,7 +14,7 @@ from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import Event, Frame, FrameDetections, Observation, Target
+from dnb_edge.values import Event, Frame, FrameDetections, Observation, Running, Target
 
 
 class Sink(Protocol):
@@ -89,7 +89,7 @@ class JsonSink:
 
     def __init__(self, stream: TextIO, *, observations: bool) -> None:
         self._stream = stream
-        self._hidden = (Target,) if observations else (Target, Observation)
+        self._hidden = (Target,) if observations else (Target, Observation, Running)
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:
         """Frames themselves have no line."""
@@ -99,7 +99,7 @@ class JsonSink:
         if isinstance(event, self._hidden):
             return
         self._stream.write(wire.event_to_json(event) + "\n")
-        if not isinstance(event, Observation):
+        if not isinstance(event, Observation | Running):
             self._stream.flush()
 
     @property

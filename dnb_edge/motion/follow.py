@@ -78,6 +78,15 @@ class Follower:
         """What has looked like a car for a while and never moved: furniture, or a car that waits."""
         return tuple(target for target in self._followed if target.is_parked(self._settings))
 
+    def adopt(self, target_id: int) -> None:
+        """Takes something that is parked for a car from now on, as where cars are awaited standing; no more than are wanted."""
+        confirmed = sum(target.state is not TargetState.TENTATIVE for target in self._followed)
+        if confirmed < self._settings.cars:
+            self._followed = [
+                replace(target, state=TargetState.CONFIRMED) if target.target_id == target_id else target
+                for target in self._followed
+            ]
+
     def step(self, t_ns: int, sightings: Sequence[Sighting]) -> tuple[Followed, ...]:
         """Takes one frame's sightings and returns the targets at `t_ns`.
 
