@@ -203,3 +203,83 @@ def test_the_best_lap_is_the_valid_one_of_the_least_official_time() -> None:
     live.finished(driven, replace(driven.lap, official_time_s=driven.lap.time_s + 5.0))
     assert live.best is not None
     assert live.best.number == 3
+
+
+def arc_track() -> Track:
+    """A ring of radius 1 m, its start line at a twentieth and a finish line of its own at three quarters of the way."""
+    angles = np.linspace(0.0, 2 * np.pi, 600, endpoint=False)
+    half = np.full(600, 0.2)
+    ring = Centreline(
+        points_m=np.column_stack([np.cos(angles), np.sin(angles)]), half_left_m=half, half_right_m=half
+    )  # fmt: skip
+    ends = {
+        name: (1.2 * np.array([math.cos(angle), math.sin(angle)]), 0.8 * np.array([math.cos(angle), math.sin(angle)]))
+        for name, angle in ((START_LINE, 0.1 * math.pi), (FINISH_LINE, 1.5 * math.pi))
+    }
+    lines = {
+        name: DirectedLine(name=name, start_m=(float(b[0]), float(b[1])), end_m=(float(a[0]), float(a[1])))
+        for name, (a, b) in ends.items()
+    }
+    return Track(
+        name="arc",
+        scale=TwinScale(metres_per_px=0.01, height_px=100),
+        centreline=ring,
+        start_line=lines[START_LINE],
+        finish_line=lines[FINISH_LINE],
+    )
+
+
+def test_laps_between_two_lines_of_a_closed_route_are_told_like_others() -> None:
+    """On a ring with a finish line of its own: delta and ghost by hand, a similarity of 100, and nothing after the end."""
+    track = arc_track()
+    live = LiveLap(track, ScoreSettings(directed=True), period_s=EACH_FIX_S)
+
+    def arc(speed: float, from_s: float) -> tuple[list[Fix], Crossing, Crossing]:
+        t_s = np.arange(0.0, 1.7 * math.pi / speed, 1 / 30)
+        points = np.column_stack([np.cos(speed * t_s), np.sin(speed * t_s)])
+        places = [(math.cos(angle), math.sin(angle)) for angle in (0.1 * math.pi, 1.5 * math.pi)]
+        start = crossing(from_s + 0.1 * math.pi / speed, places[0])
+        end = crossing(from_s + 1.5 * math.pi / speed, places[1], FINISH_LINE)
+        return fixes_at(from_s + t_s, points, track), start, end
+
+    fixes, start, end = arc(1.0, 0.0)
+    rows = told(live, fixes, start, lap=1)
+    assert rows[-1].similarity_percent == pytest.approx(100.0, abs=0.1)
+    live.finished(lap_of(fixes, start, end))
+    fixes, start, end = arc(0.8, 50.0)
+    rows = [row for row in told(live, fixes, start, lap=2) if row.t_s < end.t_s]
+    for row in rows:
+        turned = 0.8 * row.elapsed_s
+        assert row.delta_s == pytest.approx(row.elapsed_s - turned, abs=2e-3)
+        if row.elapsed_s < 1.4 * math.pi:
+            assert row.ghost_m is not None
+            assert (
+                math.dist(
+                    row.ghost_m, (math.cos(0.1 * math.pi + row.elapsed_s), math.sin(0.1 * math.pi + row.elapsed_s))
+                )
+                < 1e-3
+            )
+
+
+def test_after_the_line_the_delta_stays_until_the_end_is_told() -> None:
+    """Crossings are confirmed late: what the car does meanwhile belongs to no part of the running lap."""
+    live = LiveLap(straight(), ScoreSettings(), period_s=EACH_FIX_S)
+    _, best, _ = straight_lap(1.0)
+    live.finished(best)
+    fixes, _, start = straight_lap(0.5, from_s=100.0)
+    rows = told(live, fixes, start, lap=2)
+    after = [row for row in rows if row.s_m > 3.5]
+    last = [row for row in rows if row.s_m < 3.5][-1]
+    assert len(after) > 10
+    assert {(row.delta_s, row.similarity_percent) for row in after} == {(last.delta_s, last.similarity_percent)}
+
+
+def test_a_lap_of_which_nothing_was_seen_is_no_hindrance() -> None:
+    """A best lap without a single fix between its crossings still has a time at each end, and a ghost on the way between."""
+    live = LiveLap(straight(), None, period_s=EACH_FIX_S)
+    fixes, best, start = straight_lap(1.0)
+    live.finished(replace(best, fixes=()))
+    rows = [row for row in told(live, fixes, start, lap=2) if row.s_m < 3.5]
+    for row in rows:
+        assert row.delta_s == pytest.approx(0.0, abs=1e-6)
+        assert row.ghost_m == pytest.approx(row.track_m, abs=1e-6)
