@@ -3,13 +3,10 @@
 Knows rates, lengths and speeds; nothing of a camera's place. The fit itself is `dnb_edge.race.crossing`'s, and a test
 holds the two together.
 
-A crossing's instant is the zero of a least-squares polynomial through the n signed distances d_k = v (t_k - t0) + noise that
-lie round the line. With independent noise of sigma_m in each, the fitted distance at the zero t has the variance
-sigma_m^2 b(t)^T (X^T X)^-1 b(t), X being the fit's design and b(t) its basis at t, and the instant's sigma is
-
-    sigma_t = sqrt(sigma_m^2 / v^2 * mean over t of b(t)^T (X^T X)^-1 b(t)  +  sigma_stamp^2)
-
-with t anywhere between the two frames round the line, as likely here as there. A lap has two crossings: sqrt(2) times as much.
+A crossing's instant is the zero of a parabola fitted by generalised least squares to the n signed distances round the line
+(`dnb_edge.race.instant` has the model), with independent noise of sigma_m in each. The sigma here is the root of its mean
+variance, with the zero anywhere between the two frames round the line, as likely here as there, and of sigma_stamp^2. A lap has
+two crossings: sqrt(2) times as much.
 What all crossings of one line share drops out of laps: the detector's constant offset, the exposure's middle, the row's delay.
 """
 
@@ -20,6 +17,7 @@ import math
 import numpy as np
 
 from dnb_edge.race.crossing import CrossingSettings
+from dnb_edge.race.instant import expected_sigma_s
 
 FIT_HALF_S = CrossingSettings().fit_half_s
 """Half the time that the fit spans, seconds, where a run's settings do not say otherwise."""
@@ -33,7 +31,7 @@ SCATTER_LENGTHS = 0.02
 SCATTER_LEAST_PX = 0.5
 """The least scatter to count on, camera px, however small the car in the picture."""
 
-_PHASES = 64
+_PHASES = 16
 
 
 def detector_sigma_px(car_length_px: float) -> float:
@@ -41,10 +39,10 @@ def detector_sigma_px(car_length_px: float) -> float:
     return max(SCATTER_LEAST_PX, SCATTER_LENGTHS * car_length_px)
 
 
-def frames_of_fit(fps: float, *, fit_half_s: float = FIT_HALF_S) -> int:
-    """How many frames take part: the two round the line and those within the fit's reach before and after them."""
-    reach_s = min(max(fit_half_s, 2.5 / fps), 2.0 * fit_half_s)
-    return 2 + 2 * math.floor(reach_s * fps + 1e-6)
+def frames_of_fit(fps: float, *, fit_half_s: float = FIT_HALF_S) -> tuple[int, int]:
+    """How many frames take part before and behind the line, the two next to it counted."""
+    ahead_s, behind_s = CrossingSettings(fit_half_s=fit_half_s).reach_s(1.0 / fps)
+    return 1 + math.floor(ahead_s * fps + 1e-6), 1 + math.floor(behind_s * fps + 1e-6)
 
 
 def crossing_sigma_s(
@@ -52,12 +50,10 @@ def crossing_sigma_s(
 ) -> float:
     """Expected sigma of one crossing, seconds, of a car whose ground point scatters by `sigma_m` along its way.
 
-    The module's docstring has the formula; the car is seen in every frame.
+    The car is seen in every frame and drives smoothly.
     """
-    count = frames_of_fit(fps, fit_half_s=fit_half_s)
-    degree = 2 if count >= 5 else 1
-    frames = np.arange(count) - 0.5 * (count - 1)
-    inverse = np.linalg.inv((design := np.vander(frames, degree + 1, increasing=True)).T @ design)
-    zero = np.vander((np.arange(_PHASES) + 0.5) / _PHASES - 0.5, degree + 1, increasing=True)
-    variance = float(np.einsum("ki,ij,kj->k", zero, inverse, zero).mean())
-    return math.hypot(sigma_m * math.sqrt(variance) / speed_mps, stamp_sigma_s)
+    before, behind = frames_of_fit(fps, fit_half_s=fit_half_s)
+    frames = np.arange(-before, behind) + 1.0
+    zeros = (np.arange(_PHASES) + 0.5) / _PHASES
+    sigmas_s = [expected_sigma_s((frames - zero) / fps, sigma_m=sigma_m, speed_mps=speed_mps) for zero in zeros]
+    return math.hypot(float(np.sqrt(np.mean(np.square(sigmas_s)))), stamp_sigma_s)

@@ -60,6 +60,14 @@ class CrossingSettings:
         if self.stamp_sigma_s < 0 or self.lasting_sigma_m < 0:
             raise ValueError("crossing: stamp_sigma_s and lasting_sigma_m must not be negative")
 
+    def reach_s(self, step_s: float) -> tuple[float, float]:
+        """How far before and behind two fixes round the line, `step_s` apart, others take part in the fit, seconds.
+
+        At slow rates farther, so that the fit still has a curve to see.
+        """
+        before_s, behind_s = 4 / 3 * self.fit_half_s, 2 / 3 * self.fit_half_s
+        return min(max(before_s, 2.5 * step_s), 2 * before_s), min(max(behind_s, 2.5 * step_s), 2 * behind_s)
+
 
 @dataclass(slots=True, kw_only=True)
 class _Passage:
@@ -81,7 +89,8 @@ class LineWatch:
         self._line = line
         self._settings = settings
         self._map_sigma_m = map_sigma_m
-        self._before_ns, self._after_ns = (round(settings.fit_half_s * part * 1e9) for part in (4 / 3, 2 / 3))
+        ahead_s, behind_s = settings.reach_s(0.0)
+        self._oldest_ns, self._behind_ns = round(2e9 * ahead_s), round(1e9 * behind_s)
         # Kept as plain floats: the two distances are wanted in every frame.
         self._x, self._y = line.start_m
         self._across_x, self._across_y = line.forward
@@ -110,7 +119,7 @@ class LineWatch:
         recent = self._recent
         if recent:
             # Counted from the fix before: it is where a gap that ends now began.
-            oldest_ns = recent[-1].t_ns - 2 * self._before_ns
+            oldest_ns = recent[-1].t_ns - self._oldest_ns
             while recent[0].t_ns < oldest_ns:
                 recent.popleft()
         recent.append(fix)
@@ -124,7 +133,7 @@ class LineWatch:
     def tick(self, t_ns: int) -> list[Crossing]:
         """Says that time has come to `t_ns`; returns the crossings whose fit waits for nothing more."""
         candidate = self._candidate
-        if candidate is not None and t_ns > candidate.until_ns and t_ns > self._recent[-1].t_ns + self._after_ns:
+        if candidate is not None and t_ns > candidate.until_ns and t_ns > self._recent[-1].t_ns + self._behind_ns:
             self._lost()
         if not self._due:
             return []
@@ -184,16 +193,14 @@ class LineWatch:
     def _passage(self, after: Fix) -> _Passage:
         """The passage between the two latest fixes, with all that its fit can need of the fixes so far."""
         before = self._recent[-2]
-        # At slow rates the reach is longer, so that the fit still has a curve to see.
-        steps_ns = round(2.5 * (after.t_ns - before.t_ns))
-        behind_ns = min(max(self._after_ns, steps_ns), 2 * self._after_ns)
-        ahead_ns = min(max(self._before_ns, steps_ns), 2 * self._before_ns)
+        ahead_s, behind_s = self._settings.reach_s((after.t_ns - before.t_ns) * 1e-9)
+        from_ns = before.t_ns - round(ahead_s * 1e9)
         return _Passage(
             before=before,
             after=after,
             direction=Direction.REVERSE if self._settled > 0 else Direction.FORWARD,
-            until_ns=after.t_ns + behind_ns,
-            fixes=[fix for fix in self._recent if fix.t_ns >= before.t_ns - ahead_ns],
+            until_ns=after.t_ns + round(behind_s * 1e9),
+            fixes=[fix for fix in self._recent if fix.t_ns >= from_ns],
         )
 
     def _crossings(self, passages: list[_Passage]) -> list[Crossing]:

@@ -167,6 +167,16 @@ def _fit(u: Floats, measured: Floats, variance_m2: Floats, speed_mps: float) -> 
     return _Fits(values=values, variances=inverse[:, :, 0, 0], likelihood=likelihood)
 
 
+def expected_sigma_s(u: Floats, *, sigma_m: float, speed_mps: float) -> float:
+    """The sigma that the instant will have from samples `u` (n,) seconds from the crossing, of `sigma_m` each, of a car that
+    drives smoothly: the least of JERKS."""
+    degree = 2 if len(u) >= FEW else 1
+    jerk = JERKS[0] * max(speed_mps, LEAST_SPEED_MPS) ** 2
+    design = np.vander(u, degree + 1, increasing=True)
+    spread = sigma_m**2 * np.eye(len(u)) + jerk * departure_covariance(u)
+    return math.sqrt(float(np.linalg.inv(design.T @ np.linalg.solve(spread, design))[0, 0])) / speed_mps
+
+
 def departure_covariance(u: Floats) -> Floats:
     """(n, n) covariance of the departure from the parabola at `u` (n,) seconds from the crossing, m^2, for q = 1 m^2/s^5."""
     lag = np.abs(u)

@@ -259,14 +259,16 @@ def test_the_sigma_of_a_whole_plan_is_that_of_simulated_drives() -> None:
 
 
 def test_the_fit_is_the_races() -> None:
-    """The count of frames is what a watch with the race's default settings really fits."""
-    assert [frames_of_fit(fps) for fps in (5.0, 15.0, 20.0, 30.0, 60.0)] == [4, 6, 8, 10, 20]
+    """The counts of frames before and behind the line are what a watch with the race's default settings really fits."""
+    counts = [frames_of_fit(fps) for fps in (5.0, 15.0, 20.0, 30.0, 60.0)]
+    assert counts == [(3, 3), (8, 4), (11, 6), (16, 8), (31, 16)]
 
 
 def test_the_sigma_follows_speed_rate_and_stamps() -> None:
-    """Twice the speed halves it, more frames lower it, and the stamps' own sigma adds as squares do."""
+    """Twice the speed halves it, or nearly (a fast car strays further from its parabola), more frames lower it, and the
+    stamps' own sigma adds as squares do."""
     one = crossing_sigma_s(0.005, speed_mps=1.0, fps=30.0)
-    assert crossing_sigma_s(0.005, speed_mps=2.0, fps=30.0) == pytest.approx(one / 2)
+    assert one / 2 <= crossing_sigma_s(0.005, speed_mps=2.0, fps=30.0) < 0.6 * one
     assert crossing_sigma_s(0.005, speed_mps=1.0, fps=60.0) < 0.8 * one
     assert crossing_sigma_s(0.005, speed_mps=1.0, fps=30.0, stamp_sigma_s=0.003) == pytest.approx(
         math.hypot(one, 0.003)
