@@ -111,7 +111,8 @@ class CarRace:
         for line in self.lines:
             unsettled_t_ns = line.unsettled_t_ns
             if unsettled_t_ns is not None:
-                sure_ns = min(sure_ns, unsettled_t_ns)
+                # The crossing may come to lie before the fix before the line.
+                sure_ns = min(sure_ns, unsettled_t_ns - 1)
         passed = self._released(max(sure_ns, t_ns - round(ORDER_S * 1e9))) if self.waiting else []
         return passed + self.laps.settle(max(sure_ns, t_ns - round(WAIT_S * 1e9)))
 

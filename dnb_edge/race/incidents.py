@@ -66,6 +66,8 @@ class Step:
     """Straight from one to the other."""
     can_m: float
     """As far as the car drives in that time at the greatest speed at which it was seen."""
+    rest: Fix
+    """The fix since which the car stands; this one, where it moves."""
     lifted: bool
     """Whether it is further away than it can have driven."""
 
@@ -77,14 +79,18 @@ class Pace:
         self._lifted_m = lifted_m
         self._mean_mps = 0.0
         self._fastest_mps = 0.0
+        self._rest: Fix | None = None
         self.last: Fix | None = None
         """The latest fix."""
 
     def step(self, fix: Fix) -> Step:
         """The step to the next fix."""
         before, self.last = self.last, fix
+        if self._rest is None or math.dist(self._rest.track_m, fix.track_m) > STILL_M:
+            self._rest = fix
+        rest = self._rest
         if before is None or fix.t_ns <= before.t_ns:
-            return Step(fix=fix, before=before, dt_s=0.0, moved_m=0.0, can_m=0.0, lifted=False)
+            return Step(fix=fix, before=before, dt_s=0.0, moved_m=0.0, can_m=0.0, rest=rest, lifted=False)
         dt_s = (fix.t_ns - before.t_ns) * 1e-9
         moved_m = math.dist(before.track_m, fix.track_m)
         can_m = self._fastest_mps * dt_s
@@ -92,7 +98,7 @@ class Pace:
         if not lifted:
             self._mean_mps += _SLOWLY * (moved_m / dt_s - self._mean_mps)
             self._fastest_mps = max(self._fastest_mps, self._mean_mps)
-        return Step(fix=fix, before=before, dt_s=dt_s, moved_m=moved_m, can_m=can_m, lifted=lifted)
+        return Step(fix=fix, before=before, dt_s=dt_s, moved_m=moved_m, can_m=can_m, rest=rest, lifted=lifted)
 
     def back_to(self, fix: Fix | None) -> None:
         """Forgets all fixes after `fix`: they will come again."""
@@ -116,7 +122,7 @@ class Lost:
         return draft
 
     def close(self, t_ns: int) -> Draft | None:
-        """The gap up to `t_ns`, if it is too long."""
+        """The gap up to `t_ns`, when the car was seen again or nobody looks any more, if it is too long."""
         gap_s = (t_ns - self._seen_t_ns) * 1e-9
         if gap_s <= self._limit_s:
             return None
@@ -148,33 +154,33 @@ def lifted(step: Step) -> Draft | None:
 class Stalled:
     """Tells that the car stood for longer than `stalled_s`, once it has driven on or the lap is over."""
 
-    def __init__(self, rules: LapRules) -> None:
+    def __init__(self, rules: LapRules, begin: Crossing) -> None:
         self._limit_ns = rules.stalled_s * 1e9
-        self._anchor: Fix | None = None
+        self._begin = begin
+        self._rest: Fix | None = None
         self._last_t_ns = 0
 
-    def feed(self, fix: Fix) -> Draft | None:
-        """Takes the next fix."""
-        anchor = self._anchor
-        if anchor is not None and math.dist(anchor.track_m, fix.track_m) <= STILL_M:
-            self._last_t_ns = fix.t_ns
-            return None
-        draft = self.close()
-        self._anchor, self._last_t_ns = fix, fix.t_ns
+    def feed(self, step: Step) -> Draft | None:
+        """Takes the next step."""
+        draft = None if self._rest is None or step.rest is self._rest else self.close()
+        self._rest, self._last_t_ns = step.rest, step.fix.t_ns
         return draft
 
     def close(self) -> Draft | None:
-        """The stand up to the last fix, if it was too long."""
-        anchor = self._anchor
-        if anchor is None or self._last_t_ns - anchor.t_ns < self._limit_ns:
+        """The stand up to the last fix, if it was too long; of one that began before the lap, the part within it."""
+        rest = self._rest
+        if rest is None:
+            return None
+        start_t_ns = max(rest.t_ns, self._begin.t_ns)
+        if self._last_t_ns - start_t_ns < self._limit_ns:
             return None
         return Draft(
             kind=IncidentKind.STALLED,
-            start_t_ns=anchor.t_ns,
-            start_s=anchor.t_s,
+            start_t_ns=start_t_ns,
+            start_s=max(rest.t_s, self._begin.t_s),
             end_t_ns=self._last_t_ns,
-            worst=anchor,
-            text=f"the car stood for {(self._last_t_ns - anchor.t_ns) * 1e-9:.1f} s",
+            worst=rest,
+            text=f"the car stood for {(self._last_t_ns - start_t_ns) * 1e-9:.1f} s",
         )
 
 

@@ -16,85 +16,27 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Self, TypeAlias
+from dataclasses import replace
+from typing import TypeAlias
 
-from dnb_edge.race.crossing import lap_sigma_s
 from dnb_edge.race.fix import Fix
 from dnb_edge.race.incidents import Draft, Pace
 from dnb_edge.race.lap_table import RUNNING, STATUS, TRANSITIONS, LapState, Passing
-from dnb_edge.race.off_track import Lane
-from dnb_edge.race.rules import Footprint, FormatRules, LapRules
-from dnb_edge.race.sectors import SectorPlan, Sectors
-from dnb_edge.race.watch import LapWatch
-from dnb_edge.track.model import FINISH_LINE, Track
-from dnb_edge.values import Crossing, Direction, Incident, IncidentKind, Lap, PassStatus, PointM
+from dnb_edge.race.open_lap import Course, DrivenLap, OpenLap, RunningLap
+from dnb_edge.race.rules import FormatRules, LapRules
+from dnb_edge.track.model import FINISH_LINE
+from dnb_edge.values import Crossing, Direction, Incident, PassStatus
 
-MOST_ROUTES = 1.5
-"""A lap that drove the route's length more often than this is more than one."""
-
-MOST_FIXES = 20000
-"""Fixes kept of one lap: of one that takes longer, such as that of a car which is parked, every other goes."""
+__all__ = ["LAG_S", "WAIT_S", "Course", "DrivenLap", "LapMachine", "LapState", "Passed", "RunningLap"]
 
 WAIT_S = 30.0
 """So long, at most, fixes wait for a crossing that may be on its way, seconds."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DrivenLap:
-    """A complete lap with the path driven in it, before it is scored."""
-
-    lap: Lap
-    path_m: tuple[PointM, ...]
-    """Observed ground points from crossing to crossing, track m, both crossings included. Not the filtered ones: those
-    lag behind in bends, by more than the observations scatter."""
-    fixes: tuple[Fix, ...] = ()
-    """The fixes between the two crossings."""
-    incidents: tuple[Incident, ...] = ()
-    """What happened in the lap; what it costs is not yet known."""
-
+LAG_S = 0.5
+"""The latest fix waits for the next one, at most so long, seconds."""
 
 Passed: TypeAlias = Crossing | Incident | DrivenLap
 """A crossing with its status, an incident that ended, or the lap that the crossing before it completed."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
-    """What the laps know of the track."""
-
-    lap_m: float
-    """A lap's length along the route, metres."""
-    loop_m: float | None = None
-    """Length of a closed route, metres; None where it is open or nobody says."""
-    has_finish_line: bool = False
-    """Whether laps end at a line of their own."""
-    sectors: SectorPlan = field(default_factory=SectorPlan)
-    lane: Lane | None = None
-    """Needed where the car's footprint counts."""
-
-    @classmethod
-    def of(cls, track: Track, rules: LapRules) -> Self:
-        """The course of a track whose lines are right; see `sectors.check_lines`."""
-        return cls(
-            lap_m=track.lap_m()[1],
-            loop_m=track.centreline.length_m if track.centreline.closed else None,
-            has_finish_line=track.finish_line is not None,
-            sectors=SectorPlan.of(track),
-            lane=None if rules.off_lane is Footprint.CENTRE else Lane(track.centreline),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunningLap:
-    """The lap that runs now."""
-
-    number: int
-    start: Crossing
-    state: LapState
-
-    def elapsed_s(self, t_ns: int) -> float:
-        """Seconds since its start."""
-        return (t_ns - self.start.t_ns) * 1e-9
 
 
 class LapMachine:
@@ -116,7 +58,7 @@ class LapMachine:
         self._format = format_rules or FormatRules()
         self._grid = grid
         self._state = LapState.BEFORE_START if grid else LapState.OUT_LAP
-        self._start: Crossing | None = None
+        self._lap: OpenLap | None = None
         self._done = 0
         self._go_t_ns: int | None = None
         self._limit_t_ns: int | None = None
@@ -127,17 +69,6 @@ class LapMachine:
         self._last_t_ns = 0
         self._told = 0
         self._jump: Incident | None = None
-        self._forget()
-
-    def _forget(self) -> None:
-        """Leaves the lap that ran."""
-        self._watch: LapWatch | None = None
-        self._sectors: Sectors | None = None
-        self._trace: list[Fix] = []
-        self._seen = 0
-        self._frame_count = 0
-        self._incidents: list[Incident] = []
-        self._is_slow = False
 
     @property
     def state(self) -> LapState:
@@ -162,17 +93,16 @@ class LapMachine:
     @property
     def running(self) -> RunningLap | None:
         """The lap that runs now; None outside laps."""
-        if self._start is None or self._state not in RUNNING:
+        lap = self._lap
+        if lap is None or self._state not in RUNNING:
             return None
-        return RunningLap(number=self._done + 1, start=self._start, state=self._state)
+        return RunningLap(number=lap.number, start=lap.start, state=self._state)
 
     @property
     def trace(self) -> Sequence[Fix]:
         """The fixes of the running lap so far; empty outside laps."""
-        start = self._start
-        if start is None or self._watch is None:
-            return ()
-        return [fix for fix in (*self._trace, *self._coming) if fix.t_ns > start.t_ns]
+        lap = self._lap
+        return () if lap is None else [fix for fix in (*lap.trace, *self._coming) if fix.t_ns > lap.start.t_ns]
 
     def frame(self, t_ns: int) -> None:
         """Says that a frame was looked at, whether the car was seen in it or not."""
@@ -205,31 +135,32 @@ class LapMachine:
         A race that is over stays over.
         """
         state = TRANSITIONS[self._state, Passing.RETIRED]
-        incidents = self._given_up(t_ns) if state is not self._state else []
-        if state is not self._state:
-            self._end(f"the car has retired: {reason}")
+        if state is self._state:
+            return []
+        incidents = self._given_up(t_ns)
         self._state = state
+        self._end(f"the car has retired: {reason}")
         return incidents
 
     def settle(self, t_ns: int) -> list[Incident]:
         """Says that no crossing will come any more with a stamp up to `t_ns`; returns the incidents that ended."""
+        if self._coming and t_ns - self._coming[-1].t_ns < LAG_S * 1e9:
+            # The instant of a crossing may come to lie a little before the latest fix that was not through the line yet.
+            t_ns = min(t_ns, self._coming[-1].t_ns - 1)
         limit_ns = self._limit_t_ns
         incidents = []
-        if limit_ns is not None and self._over is None and self._is_past(limit_ns, t_ns):
+        if limit_ns is not None and self._is_past(limit_ns, t_ns):
             incidents = self._time_is_up(limit_ns)
         return incidents + self._settle(t_ns)
 
     def crossed(self, crossing: Crossing) -> list[Passed]:
         """Takes one crossing of any line; returns it with its status, and what ended with it, in the order of stamps."""
         told: list[Passed] = []
-        limit_ns = self._limit_t_ns
-        if limit_ns is not None and crossing.t_ns > limit_ns:
-            told += self._time_is_up(limit_ns)
+        if self._limit_t_ns is not None and crossing.t_ns > self._limit_t_ns:
+            told += self._time_is_up(self._limit_t_ns)
         told += self._settle(crossing.t_ns)
         self._count(crossing.t_ns)
-        missing = [] if self._sectors is None else self._sectors.missed
-        passing, reason = self._passing(crossing)
-        running = self.running
+        passing, reason, missed = self._passing(crossing)
         begins = passing in (Passing.START, Passing.ANEW)
         told.append(
             replace(
@@ -237,69 +168,67 @@ class LapMachine:
                 status=STATUS[passing],
                 reason=reason,
                 car=self._car,
-                lap=self._done + 1 if running is not None or begins else None,
+                lap=self._done + 1 if self._lap is not None or begins else None,
             )
         )
-        if passing is Passing.SECTOR and self._sectors is not None:
-            missed = [line for line in self._sectors.missed if line not in missing]
-            told += [self._tell(self._missed(line, crossing)) for line in missed]
-        told += self._moved(passing, crossing)
-        return told
+        told += self._tell(missed)
+        return told + self._moved(passing, crossing)
 
     def finish(self) -> list[Incident]:
         """Says that no frame will follow; returns what was going on."""
-        limit_ns = self._limit_t_ns
         incidents = []
-        if limit_ns is not None and self._last_t_ns > limit_ns:
-            incidents = self._time_is_up(limit_ns)
+        if self._limit_t_ns is not None and self._last_t_ns > self._limit_t_ns:
+            incidents = self._time_is_up(self._limit_t_ns)
         return incidents + self._given_up(self._last_t_ns)
 
     def _moved(self, passing: Passing, crossing: Crossing) -> list[Passed]:
         """Takes the step of the table; returns what a lap that ended by it leaves."""
         state = TRANSITIONS[self._state, passing]
-        told: list[Passed] = []
+        ended, told = self._lap, list[Passed]()
         progress_m = self._progress_at(crossing.t_ns)
         if STATUS[passing] in (PassStatus.LAP, PassStatus.ARRIVED):
-            told += self._close(crossing, progress_m)
+            assert ended is not None, "the table lets a lap end only after its start"
+            told += self._tell(ended.ended(crossing, self._coming[0].t_ns if self._coming else crossing.t_ns))
+            self._done += 1
+            jump = () if self._jump is None or self._done > 1 else (self._jump,)
+            told.append(ended.driven(crossing, car=self._car, before=jump))
+            self._lap = None
         elif passing in (Passing.ANEW, Passing.TOO_LATE):
             told += self._given_up(crossing.t_ns)
         self._state = state
         if passing in (Passing.START, Passing.LAP_DONE, Passing.ANEW):
-            self._begin(crossing, progress_m)
-        elif passing in (Passing.ARRIVED, Passing.RUN_DONE, Passing.TOO_LATE):
-            self._start = None
-            self._forget()
+            self._begin(crossing, progress_m, ended)
         if state is LapState.FINISHED and self._over is None:
             all_laps = passing is Passing.RUN_DONE and self._done == self._rules.laps
             self._end(f"all {self._done} laps were driven" if all_laps else "the time was up")
         return told
 
-    def _passing(self, crossing: Crossing) -> tuple[Passing, str | None]:
-        """What a crossing means, and why it means nothing where it does."""
+    def _passing(self, crossing: Crossing) -> tuple[Passing, str | None, list[Draft]]:
+        """(what a crossing means, why it means nothing where it does, sector lines that were missed before it)."""
         reason = self._ignored(crossing)
         if reason is not None:
-            return Passing.NOT_A_LAP, reason
+            return Passing.NOT_A_LAP, reason, []
+        lap = self._lap
+        if lap is None:
+            return Passing.START, None, []
         if crossing.line in self._course.sectors.lines:
-            assert self._sectors is not None, "outside laps sector lines are ignored"
-            reason = self._sectors.crossed(crossing, self._driven_m(crossing.t_ns))
-            return (Passing.SECTOR, None) if reason is None else (Passing.NOT_A_LAP, reason)
-        if self._start is None:
-            return Passing.START, None
+            reason, missed = lap.sector(crossing, self._driven_m(crossing.t_ns))
+            return Passing.SECTOR if reason is None else Passing.NOT_A_LAP, reason, missed
         at_finish = crossing.line == FINISH_LINE
         if self._course.has_finish_line and not at_finish:
             if self._state is LapState.GRACE:
-                return Passing.TOO_LATE, "the time was up: no new lap begins"
-            return Passing.ANEW, None
-        reason = self._too_short(crossing, self._start)
+                return Passing.TOO_LATE, "the time was up: no new lap begins", []
+            return Passing.ANEW, None, []
+        reason = self._too_short(crossing, lap.start)
         if reason is not None:
-            return Passing.NOT_A_LAP, reason
+            return Passing.NOT_A_LAP, reason, []
         if self._done + 1 == self._rules.laps or self._state is LapState.GRACE:
-            return Passing.RUN_DONE, None
-        return (Passing.ARRIVED if at_finish else Passing.LAP_DONE), None
+            return Passing.RUN_DONE, None, []
+        return (Passing.ARRIVED if at_finish else Passing.LAP_DONE), None, []
 
     def _ignored(self, crossing: Crossing) -> str | None:
         """Why a crossing means nothing whatever the car has driven; None where it may mean something."""
-        start = self._start
+        lap = self._lap
         early = self._go_t_ns is not None and crossing.t_ns < self._go_t_ns and self._jump is None
         if self._over is not None:
             return f"the race was over: {self._over}"
@@ -307,11 +236,11 @@ class LapMachine:
             return "the start was not given yet"
         if crossing.direction is Direction.REVERSE:
             return "backwards"
-        if start is None and crossing.line == FINISH_LINE:
+        if lap is None and crossing.line == FINISH_LINE:
             return "no lap ran: the start line was not crossed before"
-        if start is None and crossing.line in self._course.sectors.lines:
+        if lap is None and crossing.line in self._course.sectors.lines:
             return "no lap ran"
-        if start is not None and crossing.t_ns <= start.t_ns:
+        if lap is not None and crossing.t_ns <= lap.start.t_ns:
             return "earlier than the lap's start"
         return None
 
@@ -321,75 +250,37 @@ class LapMachine:
             return f"{elapsed_s:.1f} s after the lap's start, less than race.min_lap_s, {self._rules.min_lap_s:g} s"
         share = self._driven_m(crossing.t_ns) / self._course.lap_m
         if share < self._rules.min_progress:
-            return f"only {math.floor(100 * max(share, 0.0))} % of the route driven since the lap's start"
+            return f"only {math.floor(100 * share)} % of the route driven since the lap's start"
         return None
 
-    def _begin(self, crossing: Crossing, progress_m: float) -> None:
-        """Begins a lap at `crossing`, where the car's progress was `progress_m`."""
-        # What was looked at although the crossing is earlier is looked at again: it belongs to this lap.
-        late = [fix for fix in self._trace if fix.t_ns > crossing.t_ns]
-        early = [fix for fix in self._trace if fix.t_ns <= crossing.t_ns]
-        self._coming.extendleft(reversed(late))
-        if late:
-            self._pace.back_to(early[-1] if early else None)
+    def _begin(self, crossing: Crossing, progress_m: float, ended: OpenLap | None) -> None:
+        """Begins a lap at `crossing`, where the car's progress was `progress_m`, after the lap `ended`, if any."""
         last = self._pace.last
-        self._forget()
-        self._start = crossing
-        self._sectors = Sectors(self._course.sectors, crossing, self._rules.min_progress)
-        self._watch = LapWatch(
-            self._rules,
-            crossing,
-            seen_t_ns=crossing.t_ns if last is None else max(crossing.t_ns, last.t_ns),
-            progress_m=progress_m,
-            loop_m=self._course.loop_m,
-            lane=self._course.lane,
+        seen_t_ns = crossing.t_ns if last is None or ended is not None else max(crossing.t_ns, last.t_ns)
+        # What was looked at although the crossing is earlier is looked at again: it belongs to this lap.
+        late: list[Fix] = []
+        if ended is not None:
+            late = ended.later_than(crossing.t_ns)
+        elif last is not None and last.t_ns > crossing.t_ns:
+            late = [last]
+        if late:
+            self._coming.extendleft(reversed(late))
+            before = [] if ended is None else ended.trace[: len(ended.trace) - len(late)]
+            self._pace.back_to(before[-1] if before else None)
+        self._lap = OpenLap(
+            self._rules, self._course, crossing, number=self._done + 1, progress_m=progress_m, seen_t_ns=seen_t_ns
         )
         if not self._grid and self._limit_t_ns is None and self._format.time_limit_s is not None:
             self._limit_t_ns = crossing.t_ns + round(self._format.time_limit_s * 1e9)
 
-    def _close(self, end: Crossing, progress_m: float) -> list[Passed]:
-        """The complete lap, after what went on when it ended."""
-        start, watch, sectors = self._start, self._watch, self._sectors
-        assert start is not None, "the table lets a lap end only after its start"
-        assert watch is not None, "every lap is watched"
-        assert sectors is not None, "every lap has its sectors"
-        drafts = watch.close(end.t_ns)
-        drafts += [self._missed(line, end) for line in sectors.due]
-        routes = watch.way.driven_to_m(progress_m) / self._course.lap_m
-        if routes > MOST_ROUTES:
-            text = f"the car drove {routes:.1f} times round the route: a crossing of the start line was missed"
-            drafts.append(_of_lap(IncidentKind.MISSED_LINE, start, end.t_ns, end, text))
-        told: list[Passed] = [self._tell(draft) for draft in drafts]
-        told += self._slow(end.t_ns)
-        fixes = tuple(fix for fix in self._trace if fix.t_ns <= end.t_ns)
-        seen = self._seen - (len(self._trace) - len(fixes))
-        self._done += 1
-        lap = Lap(
-            number=self._done,
-            start_t_ns=start.t_ns,
-            end_t_ns=end.t_ns,
-            start_s=start.t_s,
-            time_s=(end.t_ns - start.t_ns) * 1e-9,
-            sigma_s=lap_sigma_s(start, end),
-            valid=True,
-            reasons=(),
-            similarity_percent=None,
-            observed_fraction=min(seen / self._frame_count, 1.0) if self._frame_count else 0.0,
-            target_id=end.target_id,
-            car=self._car,
-            sectors=sectors.times(end),
-            estimated=start.estimated or end.estimated,
-        )
-        path = (start.track_m, *(fix.observed_m for fix in fixes), end.track_m)
-        jump = () if self._jump is None or self._done > 1 else (self._jump,)
-        told.append(DrivenLap(lap=lap, path_m=path, fixes=fixes, incidents=(*jump, *self._incidents)))
-        return told
-
     def _given_up(self, t_ns: int) -> list[Incident]:
         """What went on when the running lap, if any, was given up at `t_ns`."""
         incidents = self._settle(t_ns)
-        watch, self._watch = self._watch, None
-        return incidents if watch is None else incidents + [self._tell(draft) for draft in watch.close(t_ns)]
+        lap = self._lap
+        if lap is not None:
+            incidents += self._tell(lap.given_up(t_ns))
+        self._lap = None
+        return incidents
 
     def _time_is_up(self, limit_ns: int) -> list[Incident]:
         """The race's time is over: the running lap may be finished, or not."""
@@ -398,57 +289,40 @@ class LapMachine:
         incidents = self._settle(limit_ns)
         self._state = TRANSITIONS[self._state, Passing.TIME_UP if self._format.grace_lap else Passing.CUT_OFF]
         if self._state is LapState.FINISHED:
-            cut = ", and the lap that ran was given up" if self._watch is not None else ""
+            cut = "" if self._lap is None else ", and the lap that ran was given up"
             incidents += self._given_up(limit_ns)
             self._end(f"the time was up{cut}")
         return incidents
 
     def _end(self, reason: str) -> None:
         self._over = reason
-        self._start = None
+        self._lap = None
         self._coming.clear()
         self._frames.clear()
-        self._forget()
 
     def _settle(self, t_ns: int) -> list[Incident]:
         incidents: list[Incident] = []
+        lap = self._lap
         while self._coming and self._coming[0].t_ns <= t_ns:
-            fix = self._coming.popleft()
-            step = self._pace.step(fix)
-            if self._watch is None:
-                # One is kept: the crossing may turn out to lie just before it.
-                self._trace = [fix]
-                continue
-            self._trace.append(fix)
-            self._seen += 1
-            if len(self._trace) > MOST_FIXES:
-                self._trace = self._trace[::2]
-            incidents += [self._tell(draft) for draft in self._watch.feed(step)]
-        last_t_ns = t_ns if self._pace.last is None else self._pace.last.t_ns
+            step = self._pace.step(self._coming.popleft())
+            if lap is not None:
+                incidents += self._tell(lap.feed(step))
+        last = self._pace.last
         # A crossing in a gap is known only after it: until then its frames belong to no lap.
-        self._count(max(min(last_t_ns, t_ns), t_ns - round(WAIT_S * 1e9)))
-        start, max_lap_s = self._start, self._rules.max_lap_s
-        if start is not None and max_lap_s is not None and self._is_past(start.t_ns + round(max_lap_s * 1e9), t_ns):
-            incidents += self._slow(t_ns)
+        self._count(max(min(t_ns if last is None else last.t_ns, t_ns), t_ns - round(WAIT_S * 1e9)))
+        limit_s = self._rules.max_lap_s
+        if lap is not None and limit_s is not None and self._is_past(lap.start.t_ns + round(limit_s * 1e9), t_ns):
+            incidents += self._tell(lap.slow(t_ns, last))
         return incidents
-
-    def _slow(self, t_ns: int) -> list[Incident]:
-        """Tells once that the running lap is too slow, if it is at `t_ns`."""
-        start, max_lap_s = self._start, self._rules.max_lap_s
-        if start is None or self._watch is None or max_lap_s is None or self._is_slow:
-            return []
-        end_t_ns = start.t_ns + round(max_lap_s * 1e9)
-        if t_ns <= end_t_ns:
-            return []
-        self._is_slow = True
-        text = f"the lap took longer than race.max_lap_s, {max_lap_s:g} s"
-        return [self._tell(_of_lap(IncidentKind.TOO_SLOW, start, end_t_ns, self._pace.last or start, text))]
 
     def _count(self, t_ns: int) -> None:
         """Counts the running lap's frames up to `t_ns`."""
+        count = 0
         while self._frames and self._frames[0] <= t_ns:
             self._frames.popleft()
-            self._frame_count += 1
+            count += 1
+        if self._lap is not None:
+            self._lap.frames += count
 
     def _is_past(self, moment_ns: int, t_ns: int) -> bool:
         """Whether `moment_ns` is over at `t_ns`, and no crossing before it can turn up after a short gap."""
@@ -459,7 +333,7 @@ class LapMachine:
     def _progress_at(self, t_ns: int) -> float:
         """The car's progress at a crossing at `t_ns`, between the fixes on either side of it."""
         last, coming = self._pace.last, self._coming[0] if self._coming else None
-        for fix in reversed(self._trace):
+        for fix in reversed(() if self._lap is None else self._lap.trace):
             if fix.t_ns <= t_ns:
                 last = fix
                 break
@@ -473,22 +347,18 @@ class LapMachine:
         return last.progress_m + step_m * (t_ns - last.t_ns) / (coming.t_ns - last.t_ns)
 
     def _driven_m(self, t_ns: int) -> float:
-        return 0.0 if self._watch is None else self._watch.way.driven_to_m(self._progress_at(t_ns))
+        """Metres of the lap's route that were driven at a crossing at `t_ns`, which may lie in a gap."""
+        last = self._pace.last
+        if self._lap is None or last is None:
+            return 0.0
+        return self._lap.driven_m + max(self._progress_at(t_ns) - last.progress_m, 0.0)
 
-    def _missed(self, line: str, at: Crossing) -> Draft:
-        assert self._start is not None, "lines are missed in laps"
-        text = f"the line {line!r} was not crossed in its turn"
-        return _of_lap(IncidentKind.MISSED_LINE, self._start, at.t_ns, at, text)
-
-    def _tell(self, draft: Draft) -> Incident:
-        self._told += 1
-        incident = draft.told(number=self._told, car=self._car, lap=self._done + 1)
-        self._incidents.append(incident)
-        return incident
-
-
-def _of_lap(kind: IncidentKind, start: Crossing, end_t_ns: int, worst: Fix | Crossing, text: str) -> Draft:
-    """An incident of the whole lap up to `end_t_ns`."""
-    return Draft(
-        kind=kind, start_t_ns=start.t_ns, start_s=start.t_s, end_t_ns=end_t_ns, worst=worst, text=text
-    )  # fmt: skip
+    def _tell(self, drafts: Sequence[Draft]) -> list[Incident]:
+        """Numbers what happened in the running lap."""
+        told = []
+        for draft in drafts:
+            self._told += 1
+            told.append(draft.told(number=self._told, car=self._car, lap=self._done + 1))
+        if self._lap is not None:
+            self._lap.incidents += told
+        return told

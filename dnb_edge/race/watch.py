@@ -15,26 +15,15 @@ from dnb_edge.values import Crossing
 class LapWatch:
     """Takes the steps of one lap and returns incidents as they end."""
 
-    def __init__(
-        self,
-        rules: LapRules,
-        begin: Crossing,
-        *,
-        seen_t_ns: int,
-        progress_m: float,
-        loop_m: float | None,
-        lane: Lane | None,
-    ) -> None:
-        """`seen_t_ns`: stamp at which the car is known to have been seen last; `progress_m`: the car's at `begin`;
-        `loop_m`: the length of a closed route, None where it is open.
-        """
+    def __init__(self, rules: LapRules, begin: Crossing, way: Way, *, seen_t_ns: int, lane: Lane | None) -> None:
+        """`way`: the lap's way, not begun; `seen_t_ns`: stamp at which the car is known to have been seen last."""
         self._margin_m = rules.off_lane_margin_m
         self._lost = Lost(rules, begin, seen_t_ns)
-        self._stalled = Stalled(rules)
+        self._stalled = Stalled(rules, begin)
         self._wrong_way = WrongWay(rules)
         self._overhang = Overhang(rules, lane)
         self._off_track = OffTrack(rules)
-        self.way = Way(rules, progress_m=progress_m, loop_m=loop_m)
+        self.way = way
         """How far the car has driven."""
 
     def feed(self, step: Step) -> list[Draft]:
@@ -44,15 +33,17 @@ class LapWatch:
             self._lost.feed(fix),
             lifted(step),
             self.way.feed(step),
-            self._stalled.feed(fix),
+            self._stalled.feed(step),
             self._off_track.feed(fix, self._overhang.outside_m(fix)),
         ]
         # Beyond the lane the nearest place of the route may run backwards though the car does not.
         if fix.outside_m <= self._margin_m:
-            found.append(self._wrong_way.feed(fix, self.way.smooth_m))
+            found.append(self._wrong_way.feed(fix, self.way.net_m))
         return [draft for draft in found if draft is not None]
 
-    def close(self, t_ns: int) -> list[Draft]:
-        """What goes on while the lap ends at `t_ns`. What began after that belongs to the next lap."""
-        found = [self._lost.close(t_ns), self._stalled.close(), self._off_track.close(), self._wrong_way.close()]
+    def close(self, t_ns: int, seen_t_ns: int) -> list[Draft]:
+        """What goes on while the lap ends at `t_ns`; the car is seen again at `seen_t_ns`. What began after `t_ns` belongs to
+        the next lap.
+        """
+        found = [self._lost.close(seen_t_ns), self._stalled.close(), self._off_track.close(), self._wrong_way.close()]
         return [draft for draft in found if draft is not None and draft.start_t_ns < t_ns]

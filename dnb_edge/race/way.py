@@ -1,4 +1,4 @@
-"""How far the car really drove along the route in a lap: its progress without the stretches that it left out.
+"""How much of a lap's route the car really drove: the stretches that it went along, without those that it left out.
 
 Knows fixes and the route's length. Progress counts steps along the route; a car that goes across the infield, or is carried,
 gets on by more than it drove. Such a gain is a short cut and is not driven, so that it makes no lap.
@@ -19,20 +19,29 @@ GAP_S = 0.2
 CHORD_M = 0.02
 """The car's way is measured by chords of this length, metres, so that the scatter of one that stands adds nothing."""
 
+CELLS = 256
+"""A lap's route is ticked off in so many stretches: what is driven twice counts once."""
+
 
 class Way:
     """The way in one lap. Within the lane the inside of a bend is nobody's short cut: only what is gained from leaving
     the lane to being back on it, or from one fix to the next, is counted.
     """
 
-    def __init__(self, rules: LapRules, *, progress_m: float, loop_m: float | None) -> None:
-        """`progress_m` is the car's progress at the lap's start; `loop_m` the length of a closed route, None where open."""
+    def __init__(
+        self, rules: LapRules, *, progress_m: float, lap_m: float, start_s_m: float, loop_m: float | None
+    ) -> None:
+        """`progress_m` is the car's progress at the lap's start, which lies at `start_s_m`; `lap_m` a lap's length along the
+        route; `loop_m` the length of a closed route, None where it is open.
+        """
         self._short_cut_m = rules.short_cut_m
         self._margin_m = rules.off_lane_margin_m
+        self._lap_m = lap_m
+        self._start_s_m = start_s_m
         self._loop_m = loop_m
+        self._cells = bytearray(CELLS)
         self._start_m = progress_m
         self._now_m = progress_m
-        self._left_out_m = 0.0
         self._jumped_m = 0.0
         self._way_m = 0.0
         self._anchor: Fix | None = None
@@ -42,21 +51,17 @@ class Way:
 
     @property
     def driven_m(self) -> float:
-        """Metres driven along the route since the lap's start; less than none where the car is further back."""
-        return self.driven_to_m(self._now_m)
-
-    @property
-    def smooth_m(self) -> float:
-        """The same without jumps back either: it falls only while the car drives against the route."""
-        return self._now_m - self._start_m - self._jumped_m
-
-    def driven_to_m(self, progress_m: float) -> float:
-        """Metres driven since the lap's start by a car whose progress is `progress_m`, just now."""
+        """Metres of the lap's route that the car has driven along; what it drove more than once counts once."""
         ongoing_m = 0.0
         if self._base is not None:
-            gain_m = progress_m - self._base.progress_m - (self._way_m - self._base_way_m)
-            ongoing_m = gain_m if gain_m > self._short_cut_m else 0.0
-        return progress_m - self._start_m - self._left_out_m - ongoing_m
+            ongoing_m = min(self._now_m - self._base.progress_m, self._way_m - self._base_way_m)
+        return min(sum(self._cells) * self._lap_m / CELLS + max(ongoing_m, 0.0), self._lap_m)
+
+    @property
+    def net_m(self) -> float:
+        """Metres along the route since the lap's start, jumps left out: it falls only while the car drives against the route,
+        and grows beyond a lap where a crossing was missed."""
+        return self._now_m - self._start_m - self._jumped_m
 
     def feed(self, step: Step) -> Draft | None:
         """Takes the next step; returns the short cut that ended with it."""
@@ -64,13 +69,21 @@ class Way:
         self._measure(step)
         before_m, self._now_m = self._now_m, fix.progress_m
         if base is None or step.lifted:
-            if step.lifted and base is not None:
-                self._jump(fix.progress_m - before_m)
+            ahead_m = fix.progress_m - before_m
+            if step.lifted:
+                self._jumped_m += ahead_m
+            elif ahead_m <= step.can_m + self._short_cut_m:
+                self._tick_off(fix, ahead_m)
+            self._rest_on(fix)
+            return None
+        if step.dt_s > GAP_S and fix.progress_m < before_m:
+            # Nobody saw it drive back.
+            self._jumped_m += fix.progress_m - before_m
             self._rest_on(fix)
             return None
         if fix.outside_m > self._margin_m:
             return None
-        draft = self._gained(base, fix)
+        draft = self._back_on(base, fix)
         self._rest_on(fix)
         return draft
 
@@ -89,27 +102,36 @@ class Way:
     def _rest_on(self, fix: Fix) -> None:
         self._base, self._base_way_m, self._unsure = fix, self._way_m, False
 
-    def _jump(self, by_m: float) -> None:
-        """Takes `by_m` of progress as not driven. Who is further back than before drives that stretch once more."""
-        self._jumped_m += by_m
-        self._left_out_m += max(by_m, 0.0)
+    def _tick_off(self, fix: Fix, ahead_m: float, left_out_m: float = 0.0) -> None:
+        """Ticks off the `ahead_m` before `fix`, without the last `left_out_m` of them."""
+        place_m = fix.s_m - self._start_s_m
+        if self._loop_m is not None:
+            place_m %= self._loop_m
+        cell_m = self._lap_m / CELLS
+        first, last = math.floor((place_m - ahead_m) / cell_m), math.floor((place_m - left_out_m) / cell_m)
+        for cell in range(max(first, 0), min(last, CELLS - 1) + 1):
+            self._cells[cell] = 1
 
-    def _gained(self, base: Fix, fix: Fix) -> Draft | None:
-        """What the car gained from `base` on; None where it drove all of it, or was unseen so long that nobody knows."""
+    def _back_on(self, base: Fix, fix: Fix) -> Draft | None:
+        """Takes what the car went from `base`, in the lane, to `fix`, in the lane again; returns it if it is a short cut."""
         ahead_m = fix.progress_m - base.progress_m
         drove_m = self._way_m - self._base_way_m
         if abs(ahead_m) - drove_m <= self._short_cut_m:
+            if ahead_m >= 0:
+                self._tick_off(fix, ahead_m)
             return None
         if ahead_m >= 0:
-            self._jump(ahead_m - drove_m)
+            self._jumped_m += ahead_m - drove_m
         else:
-            place_m = base.progress_m - self._start_m - self._left_out_m + ahead_m
-            self._jump(ahead_m)
+            place_m = base.progress_m - self._start_m - self._jumped_m + ahead_m
+            self._jumped_m += ahead_m
             # Back beyond the lap's start is ahead, the shorter way round.
             if self._loop_m is None or place_m > -self._short_cut_m:
                 return None
             ahead_m += self._loop_m
         gain_m = ahead_m - drove_m
+        # What it did drive is worth as much of what it left out.
+        self._tick_off(fix, ahead_m, gain_m)
         if self._unsure or gain_m <= self._short_cut_m:
             return None
         return Draft(
