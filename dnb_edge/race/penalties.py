@@ -75,7 +75,7 @@ def with_penalties(lap: Lap, penalties: Iterable[Penalty]) -> Lap:
         lap,
         penalties=every,
         penalty_s=seconds,
-        penalty_factor=math.prod(penalty.factor for penalty in every),
+        penalty_factor=math.prod((penalty.factor for penalty in every), start=1.0),
         official_time_s=lap.time_s + seconds,
         valid=lap.valid and not any(penalty.invalid for penalty in added),
         reasons=(*lap.reasons, *(penalty.reason for penalty in added if penalty.invalid)),

@@ -272,9 +272,9 @@ def _driving_score(result: CarResult, counted: Sequence[Lap], rules: FormatRules
         return None
     ranked_is_running = len(result.laps) >= rules.warm_up_laps
     done = sum(lap.valid for lap in counted) + (result.running if ranked_is_running else 0.0)
-    factor = math.prod(lap.penalty_factor for lap in counted)
+    factor = math.prod((lap.penalty_factor for lap in counted), start=1.0)
     if ranked_is_running:
-        factor *= math.prod(penalty.factor for penalty in result.penalties)
+        factor *= math.prod((penalty.factor for penalty in result.penalties), start=1.0)
     percent = 100.0 * min(1.0, done / (wanted - rules.warm_up_laps)) * factor
     return _Rank(exact=(-percent,), value=percent)
 
