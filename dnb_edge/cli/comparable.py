@@ -53,8 +53,9 @@ def _check_pair(one: Raced, other: Raced) -> None:
         raise InputError(
             f"{where}: {_track_difference(one.setup.track, other.setup.track)}: compare one track at a time"
         )
-    if one.identity.rules != other.identity.rules:
-        key, first, second = _rule_difference(rules_of(one.setup), rules_of(other.setup))
+    rules = rules_of(one.setup), rules_of(other.setup)
+    if rules[0] != rules[1]:
+        key, first, second = _rule_difference(*rules)
         raise InputError(f"{where}: different rules, {key} is {first} and {second}: score them under one set of rules")
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from dnb_edge import wire
 from dnb_edge.core import CoreSetup
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, rules_digest
+from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules
 from dnb_edge.score.similarity import ScoreSettings
 
 _DIGITS = 12
@@ -27,7 +27,7 @@ _SIGNIFICANT = 7
 _TRIFLE = 1e-9
 
 _NO_RULE = {("race", "laps"), ("start", "seed")}
-"""How long a run was meant to be and its dice are no rule by which a lap is judged."""
+"""How long a run was to be, and its dice: by these no lap is judged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Identity:
     calibration: str
     """Of the map from the picture to the floor."""
     rules: str
-    """Of everything by which laps are timed, judged, penalised and scored."""
+    """Of everything by which laps are judged, penalised and scored: `CoreSetup.rules_digest`."""
 
     def to_dict(self) -> dict[str, str]:
         """The digests by name."""
@@ -52,14 +52,14 @@ def identity_of(setup: CoreSetup) -> Identity:
     return Identity(
         track=_digest({name: track[name] for name in ("centreline", "start_line", "sector_lines", "finish_line")}),
         calibration=_digest(setup.ground.to_dict()),
-        rules=rules_digest(rules_of(setup)),
+        rules=setup.rules_digest,
     )
 
 
 def rules_of(setup: CoreSetup) -> dict[str, dict[str, Any]]:
-    """The rules by section and key, as in a configuration, where they are not the default; plain JSON types.
-
-    So a rule that a later version adds changes no digest as long as nobody uses it.
+    """What laps are timed, judged, penalised and scored by, where it is not the default: by section and key as in a
+    configuration, plain JSON types. Laps of two runs for which it is equal can be compared one by one, though one run was to be
+    longer or its start was diced otherwise, and so its rules have another digest.
     """
     sections = {
         "race": (setup.laps, LapRules()),

@@ -115,9 +115,9 @@ class EntryRow:
     indistinguishable_from: Alike = Alike()
     sessions: tuple[str, ...]
     track: str | None
-    """Digest of the track; the next two are of all calibrations and of the rules."""
+    """Digest of the track; the next two are of all its calibrations and rules."""
     calibrations: tuple[str, ...]
-    rules: str | None
+    rules: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,7 +261,7 @@ def _row(
         sessions=_all_of(trial.session for trial in trials),
         track=trials[0].track,
         calibrations=_all_of(trial.calibration for trial in trials),
-        rules=trials[0].rules,
+        rules=_all_of(trial.rules for trial in trials),
     )
 
 
@@ -298,9 +298,8 @@ def _notes(comparison: Comparison, labels: Sequence[str], figure: str) -> list[s
     for group in comparison.groups:
         if len(group) > 1:
             *most, last = (labels[i] for i in sorted(group))
-            p = f"p = {comparison.least_p(group):.2f}" + (
-                " or more" if len(most) > 1 and comparison.least_p(group) < 0.995 else ""
-            )
+            least = comparison.least_p(group)
+            p = f"p = {least:.2f}" + (" or more" if len(most) > 1 and least < 0.995 else "")
             notes.append(f"{', '.join(most)} and {last} cannot be told apart by {figure} ({p})")
     compared = sum(letters is not None for letters in comparison.letters)
     if comparison.untested and len(comparison.untested) + compared > 1:
