@@ -152,18 +152,18 @@ def _corner(programme: Programme, first: float) -> float:
 
 
 def _diagonals(path: Points, reference: Points, clamp: float | None, headings: Headings | None) -> Iterator[Floats]:
-    """The local distances, diagonal by diagonal: at i, (n,), that of path point i and reference point k - i, infinite
-    outside the table. Each is good until the next one is asked for.
+    """The local distances, diagonal by diagonal: at i, (n,), that of path point i and reference point k - i. Where
+    there is no such point it is any number: no way leads from the first cell to there and back to the last. Each is good until
+    the next one is asked for.
     """
     n, m = len(path), len(reference)
     count = n + m - 1
     step = max(1, _BLOCK // n)
     x, y = np.ascontiguousarray(path.T, dtype=np.float64)
     # With the reference reversed, the cells (i, k - i) of diagonal k read both arrays in the same direction.
-    to_x, to_y = (_windows(axis, n, outside=np.inf) for axis in reference.T)
-    border = _windows(np.zeros(m), n, outside=np.inf)
+    to_x, to_y = (_windows(axis, n) for axis in reference.T)
     if headings is not None:
-        (u, v), (to_u, to_v) = headings.path.T, (_windows(axis, n, outside=0.0) for axis in headings.reference.T)
+        (u, v), (to_u, to_v) = headings.path.T, (_windows(axis, n) for axis in headings.reference.T)
     # The same memory for every block: to ask for it anew costs more than to fill it.
     blocks = np.empty((2, step, n))
     for k in range(0, count, step):
@@ -177,16 +177,15 @@ def _diagonals(path: Points, reference: Points, clamp: float | None, headings: H
         np.sqrt(local, out=local)
         if clamp is not None:
             np.minimum(local, clamp, out=local)
-            np.add(local, border[rows], out=local)
         if headings is not None:
             # |u - v|^2 / 4 is (1 - cos) / 2, and exactly nothing between equal directions.
             local += 0.25 * headings.cost_m * ((u - to_u[rows]) ** 2 + (v - to_v[rows]) ** 2)
         yield from local
 
 
-def _windows(values: NDArray[np.float64], n: int, *, outside: float) -> Floats:
-    """(n + m - 1, n): at (k, i) the `values` (m,) at k - i, `outside` where there is none."""
-    padded = np.full(len(values) + 2 * (n - 1), outside)
+def _windows(values: Floats, n: int) -> Floats:
+    """(n + m - 1, n): at (k, i) the `values` (m,) at k - i, 0 where there is none."""
+    padded = np.zeros(len(values) + 2 * (n - 1))
     padded[n - 1 : n - 1 + len(values)] = values[::-1]
     windows: Floats = sliding_window_view(padded, n)[::-1]
     return windows
