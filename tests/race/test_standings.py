@@ -368,7 +368,7 @@ penalties = st.builds(
     reason=st.just("a judge's"),
 )
 CONSTANT_SIGMA = (Ranking.BEST_LAP, Ranking.TOTAL_TIME, Ranking.SURVIVAL)
-"""Rankings in which, where all laps are equally sure, all values are; total times where they begin at a crossing, not a start."""
+"""Where all laps are equally sure, so are all values under these; total times only if they begin at a crossing."""
 
 
 @given(field=cars(), rules=formats, penalty=penalties, data=st.data())
