@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,8 @@ import typer
 from dnb_edge.cli.replayed import replay
 from dnb_edge.errors import InputError
 from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.record.reader import iter_frames
+from dnb_edge.report.evidence import thumbnails
 
 Runs = Annotated[list[Path], typer.Argument(help="Recordings (.mcap), or directories of them.", metavar="RUN...")]
 
@@ -26,7 +29,10 @@ def make_report(run: Path, out: Path | None) -> Path:
     """Writes the report of the recording `run` into `out`, by default beside it; returns the report's path."""
     from dnb_edge.report.html import write_report  # noqa: PLC0415 Matplotlib is slow to import
 
-    return write_report(replay(run).result(), out if out is not None else run.parent, file_name=f"{run.stem}.html")
+    result = replay(run).result()
+    if result.incidents:
+        result = replace(result, thumbnails=thumbnails(result.incidents, iter_frames(run)))
+    return write_report(result, out if out is not None else run.parent, file_name=f"{run.stem}.html")
 
 
 def recordings(runs: list[Path]) -> list[Path]:
