@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from dnb_edge.cli.overlay import Frames, laid_over
 from dnb_edge.core import Core, CoreSetup
@@ -23,6 +25,9 @@ from dnb_edge.report.run import RunResult
 from dnb_edge.report.table import printable
 from dnb_edge.track.twin import load_twin
 from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary
+
+WithEdits = Annotated[bool, typer.Option("--edits/--no-edits", help="Lay a judge's edits over the laps.")]
+"""The option of every verb that shows laps of a recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

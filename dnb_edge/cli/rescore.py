@@ -168,10 +168,10 @@ def _words(key: str, was: Any, now: Any, after: CoreSetup) -> str:
 
 def _told(setup: CoreSetup) -> dict[str, Any]:
     """Every key that can be changed with its value."""
-    told: dict[str, Any] = {
-        "rules": setup.rules,
-        "track": [setup.track.name, round(setup.track.centreline.length_m, 4)],
-    }
+    route = setup.track.centreline
+    told: dict[str, Any] = {"rules": setup.rules, "track": [setup.track.name, round(route.length_m, 2)]}
+    if route.closed:
+        told["direction"] = "anticlockwise" if _area_m2(route.points_m) > 0 else "clockwise"
     told |= {f"line {name}": ends for name, ends in lines_px(setup.track).items()}
     for name, (member, _) in _PARTS.items():
         told |= _flat(name, wire.to_dict(getattr(setup, member)))

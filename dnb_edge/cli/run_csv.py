@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Any
 
 from dnb_edge import wire
+from dnb_edge.race.marshal import Marshalled, MarshalledLap
 from dnb_edge.record.reader import RecordedRun
 from dnb_edge.values import Crossing, Incident, Lap, Penalty
 
@@ -24,9 +25,13 @@ class Table(StrEnum):
     INCIDENTS = "incidents"
 
 
+EDIT_COLUMNS = ("removed", "edited_by", "raw_number", "raw_time_s", "raw_official_time_s", "raw_valid")
+"""What a judge decided about a lap, and what the race itself said of it: of the first one where several were merged, nothing
+where the judge added it."""
+
 LAP_COLUMNS = (
     "number", "start_s", "time_s", "sigma_s", "valid", "reasons", "similarity_percent", "observed_fraction", "suspect",
-    "car", "official_time_s", "penalty_s", "penalty_factor", "penalties", "estimated",
+    "car", "official_time_s", "penalty_s", "penalty_factor", "penalties", "estimated", *EDIT_COLUMNS,
 )  # fmt: skip
 """Of the laps; `sector_1_s`, `sector_1_sigma_s` ... follow for every sector that the track has."""
 
@@ -42,16 +47,35 @@ INCIDENT_COLUMNS = (
 """Of the incidents. `x_m` and `y_m` are track m, `u_px` and `v_px` camera px."""
 
 
-def as_csv(run: RecordedRun, table: Table) -> str:
-    """One table of `run` with a heading, floats in full, the entry's name in front. Raises InputError."""
-    return _TABLES[table](run)
+def as_csv(run: RecordedRun, table: Table, marshalled: Marshalled | None = None) -> str:
+    """One table of `run` with a heading, floats in full, the entry's name in front. Raises InputError.
+
+    `marshalled` are its laps after a judge's edits, those taken away among them; None where nobody edited any.
+    """
+    return _laps(run, marshalled) if table is Table.LAPS else _TABLES[table](run)
 
 
-def _laps(run: RecordedRun) -> str:
-    laps = [event for event in run.events() if isinstance(event, Lap)]
-    sectors = range(1, max((sector.number for lap in laps for sector in lap.sectors), default=0) + 1)
+def _laps(run: RecordedRun, marshalled: Marshalled | None) -> str:
+    if marshalled is None:
+        marshalled = Marshalled(
+            laps=tuple(MarshalledLap(lap=event, raw=(event,)) for event in run.events() if isinstance(event, Lap))
+        )
+    rows = [(one, False) for one in marshalled.laps] + [(one, True) for one in marshalled.removed]
+    sectors = range(1, max((sector.number for one, _ in rows for sector in one.lap.sectors), default=0) + 1)
     columns = [*LAP_COLUMNS, *(f"sector_{k}_{figure}" for k in sectors for figure in ("s", "sigma_s"))]
-    return _table(run, columns, map(_lap, laps))
+    return _table(run, columns, (_lap(one.lap) | _edited(one, removed=removed) for one, removed in rows))
+
+
+def _edited(one: MarshalledLap, *, removed: bool) -> dict[str, Any]:
+    """A lap's cells of `EDIT_COLUMNS`."""
+    cells: dict[str, Any] = {"removed": removed}
+    cells["edited_by"] = "; ".join(
+        f"{edit.number} {edit.action.value} by {edit.author}: {edit.reason}" for edit in one.edits
+    )
+    if one.raw:
+        names = ("number", "time_s", "official_time_s", "valid")
+        cells |= {f"raw_{name}": getattr(one.raw[0], name) for name in names}
+    return cells
 
 
 def _lap(lap: Lap) -> dict[str, Any]:
@@ -111,7 +135,6 @@ def _cell(value: object) -> str:
 
 
 _TABLES: dict[Table, Callable[[RecordedRun], str]] = {
-    Table.LAPS: _laps,
     Table.PASSES: _passes,
     Table.INCIDENTS: _incidents,
 }

@@ -15,12 +15,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from dnb_edge.cli.replayed import WithEdits, replay
 from dnb_edge.cli.run_csv import Table as Exported
 from dnb_edge.cli.run_csv import as_csv
 from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record.channels import EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.record.edits import edits_path
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import damage_text, read_run
@@ -126,10 +128,15 @@ def export(
         ),
     ] = None,
     what: Annotated[What, typer.Option(help="Laps, passes of all lines, incidents, or each in a file.")] = What.LAPS,
+    edits: WithEdits = True,
 ) -> None:
-    """Write the laps of RUN as CSV, or its passes or incidents."""
+    """Write the laps of RUN as CSV, or its passes or incidents.
+
+    Laps are as a judge left them, with what the race said beside it; --no-edits gives that alone.
+    """
+    marshalled = replay(run).marshalled if edits and edits_path(run).exists() else None
     if what is not What.ALL:
-        text = as_csv(read_run(run), Exported(what.value))
+        text = as_csv(read_run(run), Exported(what.value), marshalled)
         if output is None:
             typer.echo(text, nl=False)
         else:
@@ -139,7 +146,9 @@ def export(
         raise InputError("--what all: writes three files: give -o NAME.csv")
     recorded = read_run(run)
     suffix = output.suffix or ".csv"
-    _write_new({output.with_name(f"{output.stem}-{one}{suffix}"): as_csv(recorded, one) for one in Exported})
+    _write_new(
+        {output.with_name(f"{output.stem}-{one}{suffix}"): as_csv(recorded, one, marshalled) for one in Exported}
+    )
 
 
 def _write_new(texts: dict[Path, str]) -> None:

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from dnb_edge import wire
-from dnb_edge.cli.replayed import Replayed, replay
+from dnb_edge.cli.replayed import Replayed, WithEdits, replay
 from dnb_edge.cli.rescore import Wanted, changes, changes_text
 from dnb_edge.cli.results import Runs, recordings
 from dnb_edge.daemon.sinks import JsonSink
@@ -20,8 +20,6 @@ from dnb_edge.race.marshal import Marshalled, MarshalledLap
 from dnb_edge.record.edits import edits_path
 from dnb_edge.report.table import printable
 from dnb_edge.values import Event, Lap, RunSummary
-
-WithEdits = Annotated[bool, typer.Option("--edits/--no-edits", help="Lay a judge's edits over the laps.")]
 
 
 def score(

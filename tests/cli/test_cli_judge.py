@@ -1,12 +1,16 @@
 """`dnb-edge judge`: decisions beside the recording, checked, shown, applied by every other verb, and never lost."""
 
+import csv
 import getpass
 import hashlib
+import io
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from edge_command import Race
 from table_runs import Car, record, setup
 from typer.testing import CliRunner, Result
 
@@ -298,3 +302,18 @@ def test_reports_get_edited_and_raw_laps(run: Path) -> None:
     assert ([lap.number for lap in result.laps], [lap.number for lap in result.raw_laps]) == ([1, 3, 4], [1, 2, 3, 4])
     assert [edit.author for edit in result.edits] == ["Ada"]
     assert len(result.paths_m) == 3
+
+
+def test_an_export_shows_edited_and_raw_laps(race: Race, tmp_path: Path) -> None:
+    """The laps that count and those taken away, who decided what, and what the race said; --no-edits gives that alone."""
+    run = Path(shutil.copy(race.recording, tmp_path))
+    raw = list(csv.DictReader(io.StringIO(done("runs", "export", run))))
+    assert {(row["removed"], row["edited_by"]) for row in raw} == {("false", "")}
+    assert all(row["raw_time_s"] == row["time_s"] for row in raw)
+    done("judge", "remove", run, "--lap", 3, *WHY)
+    done("judge", "penalty", run, "--lap", 1, "--seconds", 5, *WHY)
+    rows = list(csv.DictReader(io.StringIO(done("runs", "export", run))))
+    assert [(row["number"], row["removed"]) for row in rows] == [("1", "false"), ("2", "false"), ("3", "true")]
+    assert (rows[0]["edited_by"], rows[2]["edited_by"]) == ("2 penalty by Ada: a hand", "1 remove by Ada: a hand")
+    assert float(rows[0]["official_time_s"]) == pytest.approx(float(rows[0]["raw_official_time_s"]) + 5)
+    assert list(csv.DictReader(io.StringIO(done("runs", "export", run, "--no-edits")))) == raw
