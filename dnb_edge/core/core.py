@@ -13,6 +13,7 @@ from dnb_edge.motion.follow import Follower
 from dnb_edge.motion.target import Followed
 from dnb_edge.race.fix import Fix, FrameStamps
 from dnb_edge.race.seats import Seats
+from dnb_edge.race.standings import CarResult
 from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState, path_points
 
 
@@ -91,6 +92,10 @@ class Core:
     def finish(self) -> list[Event]:
         """Says that no frame will follow; returns the events that were still waiting for one."""
         return self._field.finish()
+
+    def results(self) -> tuple[CarResult, ...]:
+        """What each car has done so far; a judge's standings are made of it."""
+        return self._field.results()
 
     def windows(self, t_ns: int) -> tuple[SearchWindow, ...]:
         """Where the cars are expected in the frame stamped `t_ns`, one window each; none while no car is known."""

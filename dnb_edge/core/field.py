@@ -17,7 +17,7 @@ from dnb_edge.race.car import CarRace, Passed
 from dnb_edge.race.fix import Fix
 from dnb_edge.race.laps import DrivenLap
 from dnb_edge.race.rules import StartMode
-from dnb_edge.race.standings import standings
+from dnb_edge.race.standings import CarResult, standings
 from dnb_edge.race.start import Grid, StartProcedure
 from dnb_edge.score.live import LiveLap
 from dnb_edge.score.profile import lap_trace
@@ -124,6 +124,11 @@ class Field:
         events: list[Event] = [event for one in self.entrants for event in self._told(one, one.race.finish())]
         return events if self._final else [*events, *self._standings(final=True)]
 
+    def results(self) -> tuple[CarResult, ...]:
+        """What each car that takes part has done so far: what standings are made of."""
+        taking_part = (entrant for entrant in self.entrants if entrant.number is not None)
+        return tuple(entrant.result(self._t_ns, self._setup.penalties) for entrant in taking_part)
+
     def _told(self, entrant: Entrant, passed: Sequence[Passed]) -> list[Event]:
         """What a car's crossings, incidents and laps lead to."""
         events: list[Event] = []
@@ -183,11 +188,10 @@ class Field:
         self._final = self._final or final
         if self._first_t_ns is None or all(entrant.start_t_ns is None for entrant in self.entrants):
             return []
-        taking_part = [entrant for entrant in self.entrants if entrant.number is not None]
         setup = self._setup
         return [
             standings(
-                [entrant.result(self._t_ns, setup.penalties) for entrant in taking_part],
+                self.results(),
                 setup.format,
                 setup.laps.laps,
                 t_ns=self._t_ns,
