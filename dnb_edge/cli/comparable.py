@@ -56,7 +56,9 @@ def _check_pair(one: Raced, other: Raced) -> None:
     rules = rules_of(one.setup), rules_of(other.setup)
     if rules[0] != rules[1]:
         key, first, second = _rule_difference(*rules)
-        raise InputError(f"{where}: different rules, {key} is {first} and {second}: score them under one set of rules")
+        raise InputError(
+            f"{where}: different rules, {key} is {first} and {second}: score both by one rule set with --rules"
+        )
 
 
 def _track_difference(one: Track, other: Track) -> str:

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import track
 
 from dnb_edge.cli.comparable import check_comparable
-from dnb_edge.cli.replayed import replay
+from dnb_edge.cli.replayed import WithEdits, replay
+from dnb_edge.cli.rescore import Wanted
 from dnb_edge.cli.results import Runs, recordings
 from dnb_edge.cli.trials import Raced, raced
 from dnb_edge.report.table import RowsBy, result_table
@@ -43,13 +44,24 @@ def table(
     form: Annotated[TableFormat, typer.Option("--format", help="How to print it.")] = TableFormat.TEXT,
     as_json: Annotated[bool, typer.Option("--json", help="Short for --format json.")] = False,
     by: Annotated[RowsBy, typer.Option(help="One row for each entry, or for each run.")] = RowsBy.ENTRY,
+    rules: Annotated[
+        str | None,
+        typer.Option(
+            help="One rule set for all of them: a name (`dnb-edge config rules`) or a file.", metavar="NAME|FILE"
+        ),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="One value of a key for all, such as race.min_lap_s=3. May be given several times."),
+    ] = None,
+    edits: WithEdits = True,
 ) -> None:
     """Print the paper's Table I for any set of runs: entry, path similarity, completion time, and who is alike.
 
-    Runs on other tracks, in another direction or under other rules are refused. An entry's laps of all its runs are taken
-    together; where it has several, each run counts alike.
+    Runs on other tracks, in another direction or under other rules are refused; --rules or --set scores all by the same ones.
+    Where an entry has several runs, each run counts alike. See docs/trials.md for what the intervals mean.
     """
-    found = _raced(runs)
+    found = _raced(runs, Wanted(rules=rules, overrides=tuple(overrides or ())), edits=edits)
     console = Console(stderr=True, markup=False)
     told = (f"{run.path}: {warning}" for run in found for warning in run.warnings)
     for warning in (*check_comparable(found), *told):
@@ -58,9 +70,9 @@ def table(
     typer.echo(_WRITERS[TableFormat.JSON if as_json else form](made).rstrip("\n"))
 
 
-def _raced(runs: list[Path]) -> list[Raced]:
+def _raced(runs: list[Path], wanted: Wanted, *, edits: bool) -> list[Raced]:
     """Each recording once, however often it is named."""
     files = list({path.resolve(): path for path in recordings(runs)}.values())
     console = Console(stderr=True)
     shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
-    return [raced(replay(path)) for path in shown]
+    return [raced(replay(path, edits=edits, changed=wanted.change(path))) for path in shown]

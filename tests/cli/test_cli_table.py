@@ -116,6 +116,17 @@ def test_the_length_of_a_run_is_no_rule(tmp_path: Path) -> None:
     assert [(row["runs"], len(row["rules"])) for row in rows(tmp_path)] == [(2, 2)]
 
 
+def test_other_rules_are_compared_once_all_are_scored_by_the_same(tmp_path: Path) -> None:
+    """`--set` and `--rules` give all recordings one set of rules, and laps are judged by those."""
+    one = record(tmp_path, "1.mcap", STEADY, entry=entry("a"))
+    other = record(tmp_path, "2.mcap", STEADY, entry=entry("b"), made=setup(laps=LapRules(min_lap_s=1.0)))
+    assert "--rules" in refusal(one, other)
+    for words in (("--set", "race.min_lap_s=1.5"), ("--rules", "practice")):
+        told = rows(one, other, *words)
+        assert [row["valid_laps"] for row in told] == [3, 3]
+        assert told[0]["rules"] == told[1]["rules"]
+
+
 def test_another_calibration_is_refused_within_a_session_and_told_of_between_two(tmp_path: Path) -> None:
     """Within one session the camera must not have been calibrated anew; between sessions it may, with a warning."""
     moved = setup(ground=replace(GROUND, camera_to_twin=(0.4, 0, 0.3, 0, 0.4, 0, 0, 0, 1.0)))
