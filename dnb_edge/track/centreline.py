@@ -168,7 +168,13 @@ class Centreline:
         """(s_m, d_m), each (n,), of the points (n, 2), track m, of one path in the order in which it was driven: each as
         `follow` finds it from the one before, so that a crossing does not change the branch.
         """
-        points: list[PointM] = [(x, y) for x, y in path_m.tolist()]
+        path = np.asarray(path_m, dtype=np.float64).reshape(-1, 2)
+        together = self._grid.nearest_of(path) if len(path) else None
+        if together is not None and self._goes_on(path, together[0]):
+            s_m, d_m = together
+            s_m[(s_m >= self.length_m) & self.closed] -= self.length_m
+            return s_m, d_m
+        points: list[PointM] = [(x, y) for x, y in path.tolist()]
         places = [self.locate_point(point_m) for point_m in points[:1]]
         for before_m, point_m in pairwise(points):
             s_hint_m = places[-1][0]
@@ -176,6 +182,16 @@ class Centreline:
             places.append(self.follow(point_m, s_hint_m=s_hint_m, reach_m=reach_m))
         s_m, d_m = np.array(places, dtype=np.float64).reshape(-1, 2).T
         return s_m, d_m
+
+    def _goes_on(self, path_m: Points, s_m: Floats) -> bool:
+        """Whether from each point of a path (n, 2) to the next its nearest place on the route, at `s_m` (n,), surely lies in
+        reach, as `locate_path` reckons it where the lane is narrowest: then each nearest place is the right one.
+        """
+        steps_m = np.diff(s_m)
+        if self.closed:
+            steps_m = (steps_m + self.length_m / 2) % self.length_m - self.length_m / 2
+        reach_m = 2 * np.hypot(*np.diff(path_m, axis=0).T) + float(self.half_left_m.min() + self.half_right_m.min())
+        return bool((np.abs(steps_m) <= (1 - 1e-9) * reach_m).all())
 
     def step_m(self, from_s_m: float, to_s_m: float) -> float:
         """The way along the route from one place on it to another, metres; the shorter way round where it is closed."""

@@ -9,6 +9,7 @@ kept. Knows segments and points of one plane; knows no lane and no direction of 
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
@@ -40,7 +41,7 @@ class SegmentGrid:
         self, starts: Points, tangents: Points, lengths: NDArray[np.float64], arc: NDArray[np.float64]
     ) -> None:
         """`starts` and `tangents` are (k, 2), `lengths` and `arc` (k,): the segments in the order of the polyline."""
-        self._starts, self._tangents, self._lengths = starts, tangents, lengths
+        self._starts, self._tangents, self._lengths, self._arc = starts, tangents, lengths, arc
         columns = (*starts.T.tolist(), *tangents.T.tolist(), lengths.tolist(), arc.tolist())
         self._segments: list[Segment] = list(zip(*columns, strict=True))
         self._side = CELL_LENGTHS * float(lengths.mean())
@@ -52,20 +53,19 @@ class SegmentGrid:
         self._low_x, self._low_y = (low - margin).tolist()
         self._high_x, self._high_y = (high + margin).tolist()
         self._blocks: dict[tuple[int, int], list[int]] = {}
-        self._cells: dict[tuple[int, int], tuple[Segment, ...]] = {}
+        self._cells: dict[tuple[int, int], list[int]] = {}
 
     def nearest(self, x: float, y: float) -> tuple[float, float] | None:
         """(arc length of the nearest place, distance from it), the distance positive to the polyline's left; of equally near
         places the first along the polyline. None beyond the surroundings of the polyline, where no cells are.
         """
-        if not (self._low_x <= x <= self._high_x and self._low_y <= y <= self._high_y):
+        candidates = self._candidates_at(x, y)
+        if candidates is None:
             return None
-        cell = int((x - self._low_x) / self._side), int((y - self._low_y) / self._side)
-        segments = self._cells.get(cell)
-        if segments is None:
-            segments = self._visited(cell)
+        segments = self._segments
         least, arc, side = math.inf, 0.0, 0.0
-        for x0, y0, tx, ty, length, start in segments:
+        for i in candidates:
+            x0, y0, tx, ty, length, start = segments[i]
             dx, dy = x - x0, y - y0
             along = dx * tx + dy * ty
             if along < 0.0:
@@ -78,7 +78,33 @@ class SegmentGrid:
                 least, arc, side = apart, start + along, tx * dy - ty * dx
         return arc, math.copysign(math.sqrt(least), side)
 
-    def _visited(self, cell: tuple[int, int]) -> tuple[Segment, ...]:
+    def nearest_of(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """As `nearest` for each of the points (n, 2), n at least 1, as two arrays (n,); None where it is so for any of them."""
+        candidates = [self._candidates_at(x, y) for x, y in points.tolist()]
+        known = [each for each in candidates if each is not None]
+        if len(known) < len(candidates):
+            return None
+        counts = np.array([len(each) for each in known])
+        segments = np.fromiter(chain.from_iterable(known), np.intp, int(counts.sum()))
+        owners = np.repeat(np.arange(len(known)), counts)
+        offsets, tangents = points[owners] - self._starts[segments], self._tangents[segments]
+        along = np.clip(offsets[:, 0] * tangents[:, 0] + offsets[:, 1] * tangents[:, 1], 0.0, self._lengths[segments])
+        apart = (offsets[:, 0] - along * tangents[:, 0]) ** 2 + (offsets[:, 1] - along * tangents[:, 1]) ** 2
+        firsts = np.cumsum(counts) - counts
+        least = np.flatnonzero(apart == np.minimum.reduceat(apart, firsts)[owners])
+        best = least[np.searchsorted(least, firsts)]
+        side = tangents[best, 0] * offsets[best, 1] - tangents[best, 1] * offsets[best, 0]
+        return self._arc[segments[best]] + along[best], np.copysign(np.sqrt(apart[best]), side)
+
+    def _candidates_at(self, x: float, y: float) -> list[int] | None:
+        """The segments, in their order, that can be the nearest to a point; None where no cells are."""
+        if not (self._low_x <= x <= self._high_x and self._low_y <= y <= self._high_y):
+            return None
+        cell = int((x - self._low_x) / self._side), int((y - self._low_y) / self._side)
+        candidates = self._cells.get(cell)
+        return self._visited(cell) if candidates is None else candidates
+
+    def _visited(self, cell: tuple[int, int]) -> list[int]:
         """The segments that can be the nearest to a point of the cell."""
         if len(self._cells) >= MOST_CELLS:
             self._cells.clear()
@@ -86,9 +112,8 @@ class SegmentGrid:
         block = cell[0] // BLOCK, cell[1] // BLOCK
         if block not in self._blocks:
             self._blocks[block] = self._candidates(block, BLOCK * self._side, np.arange(len(self._lengths)))
-        candidates = self._candidates(cell, self._side, np.array(self._blocks[block]))
-        segments = self._cells[cell] = tuple(self._segments[i] for i in candidates)
-        return segments
+        found = self._cells[cell] = self._candidates(cell, self._side, np.array(self._blocks[block]))
+        return found
 
     def _candidates(self, cell: tuple[int, int], side: float, segments: NDArray[np.intp]) -> list[int]:
         """Those of `segments` that can be the nearest to a point of cell number `cell` of a grid of squares of `side`."""

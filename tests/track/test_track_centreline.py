@@ -209,3 +209,28 @@ def test_places_equally_far_are_told_apart_as_by_the_whole_search():
     """In the middle of the square all sides are equally near: the first is taken, as always."""
     assert square().locate_point((1.0, 1.0)) == (1.0, 1.0)
     assert [values.tolist() for values in square().locate(np.array([[1.0, 1.0]]))] == [[1.0], [1.0]]
+
+
+@given(seed=st.integers(0, 2**32 - 1), closed=st.booleans(), stray_m=st.sampled_from([0.01, 0.1, 0.5]))
+def test_a_path_is_located_as_point_after_point(seed, closed, stray_m):
+    """All at once where that is sure, and else one by one: every place is what `follow` says from the one before."""
+    route = wavy_route(seed, closed)
+    random = np.random.default_rng(seed)
+    along = np.cumsum(random.uniform(0, route.length_m / 30, 40)) + random.uniform(0, route.length_m)
+    path = np.array([route.point_at(s, d) for s, d in zip(along, random.normal(0, stray_m, 40), strict=True)])
+    s_m, d_m = route.locate_path(path)
+    s_before, points = None, [(x, y) for x, y in path.tolist()]
+    for i, point in enumerate(points):
+        if s_before is None:
+            wanted = route.locate_point(point)
+        else:
+            reach_m = 2 * math.dist(points[i - 1], point) + sum(route.half_widths_at(s_before))
+            wanted = route.follow(point, s_hint_m=s_before, reach_m=reach_m)
+        assert (s_m[i], d_m[i]) == wanted
+        s_before = wanted[0]
+
+
+def test_a_path_without_points_is_nowhere():
+    """No points, no places."""
+    s_m, d_m = square().locate_path(np.empty((0, 2)))
+    assert s_m.shape == d_m.shape == (0,)
