@@ -49,16 +49,12 @@ class Sight:
         )
         return Sighting(
             observation=observation,
-            on_lane=self._on_lane(observation),
+            on_lane=self._route.is_within(track_m, self._margin_m),
             length_m=detection.length_px * math.sqrt(abs(xu * yv - xv * yu)),
             marker_id=detection.marker_id,
             colour_bgr=detection.colour_bgr,
             heading_rad=_heading_on_track(detection.heading_rad, slopes),
         )
-
-    def _on_lane(self, observation: Observation) -> bool:
-        route = self._route
-        return route.outside_by_m(*route.locate_point(observation.track_m)) <= self._margin_m
 
 
 def _heading_on_track(heading_rad: float | None, slopes: Slopes) -> float | None:

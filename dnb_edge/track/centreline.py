@@ -40,6 +40,8 @@ class _Plain:
     half_right_m: list[float]
     lengths_m: list[float]
     tangents: list[list[float]]
+    half_width_limits_m: tuple[float, float]
+    """The least and the greatest half-width, of both sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +92,9 @@ class Centreline:
         object.__setattr__(self, "length_m", float(s_m[-1]))
         plain = {name: getattr(self, f"_{name}").tolist() for name in ("lengths_m", "tangents")}
         plain |= {name: getattr(self, name).tolist() for name in ("s_m", *_STORED)}
-        object.__setattr__(self, "_plain", _Plain(**plain))
+        widths_m = np.concatenate((self.half_left_m, self.half_right_m))
+        limits_m = (float(widths_m.min()), float(widths_m.max()))
+        object.__setattr__(self, "_plain", _Plain(**plain, half_width_limits_m=limits_m))
         grid = SegmentGrid(points[: len(lengths)], self._tangents, lengths, self.s_m[: len(lengths)])
         object.__setattr__(self, "_grid", grid)
 
@@ -190,7 +194,7 @@ class Centreline:
         steps_m = np.diff(s_m)
         if self.closed:
             steps_m = (steps_m + self.length_m / 2) % self.length_m - self.length_m / 2
-        reach_m = 2 * np.hypot(*np.diff(path_m, axis=0).T) + float(self.half_left_m.min() + self.half_right_m.min())
+        reach_m = 2 * np.hypot(*np.diff(path_m, axis=0).T) + 2 * self._plain.half_width_limits_m[0]
         return bool((np.abs(steps_m) <= (1 - 1e-9) * reach_m).all())
 
     def step_m(self, from_s_m: float, to_s_m: float) -> float:
@@ -254,6 +258,17 @@ class Centreline:
         """Metres by which a point at (s_m, d_m) lies beyond the lane's edge; negative inside the lane."""
         left, right = self.half_widths_at(s_m)
         return d_m - left if d_m >= 0 else -d_m - right
+
+    def is_within(self, point_m: PointM, margin_m: float) -> bool:
+        """Whether a point, track m, lies beyond the lane's edge by at most `margin_m`."""
+        bounds_m = self._grid.distance_bounds(*point_m)
+        if bounds_m is not None:
+            narrowest_m, widest_m = self._plain.half_width_limits_m
+            if bounds_m[1] <= narrowest_m + margin_m:
+                return True
+            if bounds_m[0] > widest_m + margin_m:
+                return False
+        return self.outside_by_m(*self.locate_point(point_m)) <= margin_m
 
     def reversed(self) -> Self:
         """The same route driven the other way; a closed one's s_m starts at the same point, an open one's at the other end."""

@@ -20,6 +20,9 @@ from dnb_edge.values import Points
 Segment: TypeAlias = tuple[float, float, float, float, float, float]
 """Start (x, y), direction (x, y) as a unit vector, length, and arc length of its start along the polyline."""
 
+_Cell: TypeAlias = tuple[list[int], float, float]
+"""The segments that can be the nearest to a point of a cell, and bounds of such a point's distance from the polyline."""
+
 CELL_LENGTHS = 1.0
 """Side of a cell in mean lengths of a segment."""
 
@@ -52,7 +55,7 @@ class SegmentGrid:
         self._slack = 1e-3 * _ROUNDING * (float(np.abs(ends).max()) + margin)
         self._low_x, self._low_y = (low - margin).tolist()
         self._high_x, self._high_y = (high + margin).tolist()
-        self._blocks: dict[tuple[int, int], list[int]] = {}
+        self._blocks: dict[tuple[int, int], _Cell] = {}
         self._cells: dict[tuple[int, int], list[int]] = {}
 
     def nearest(self, x: float, y: float) -> tuple[float, float] | None:
@@ -77,6 +80,18 @@ class SegmentGrid:
             if apart < least:
                 least, arc, side = apart, start + along, tx * dy - ty * dx
         return arc, math.copysign(math.sqrt(least), side)
+
+    def distance_bounds(self, x: float, y: float) -> tuple[float, float] | None:
+        """Between which two numbers the point's distance from the polyline surely lies, the first perhaps below nought; in
+        less time than the distance itself. None where no cells are.
+        """
+        if not (self._low_x <= x <= self._high_x and self._low_y <= y <= self._high_y):
+            return None
+        side = BLOCK * self._side
+        if len(self._blocks) >= MOST_CELLS:
+            self._blocks.clear()
+        _, least, most = self._block((int((x - self._low_x) / side), int((y - self._low_y) / side)))
+        return least, most
 
     def nearest_of(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """As `nearest` for each of the points (n, 2), n at least 1, as two arrays (n,); None where it is so for any of them."""
@@ -109,18 +124,24 @@ class SegmentGrid:
         if len(self._cells) >= MOST_CELLS:
             self._cells.clear()
             self._blocks.clear()
-        block = cell[0] // BLOCK, cell[1] // BLOCK
-        if block not in self._blocks:
-            self._blocks[block] = self._candidates(block, BLOCK * self._side, np.arange(len(self._lengths)))
-        found = self._cells[cell] = self._candidates(cell, self._side, np.array(self._blocks[block]))
+        near, _, _ = self._block((cell[0] // BLOCK, cell[1] // BLOCK))
+        found, _, _ = self._surveyed(cell, self._side, np.array(near))
+        self._cells[cell] = found
         return found
 
-    def _candidates(self, cell: tuple[int, int], side: float, segments: NDArray[np.intp]) -> list[int]:
-        """Those of `segments` that can be the nearest to a point of cell number `cell` of a grid of squares of `side`."""
+    def _block(self, block: tuple[int, int]) -> _Cell:
+        found = self._blocks.get(block)
+        if found is None:
+            found = self._blocks[block] = self._surveyed(block, BLOCK * self._side, np.arange(len(self._lengths)))
+        return found
+
+    def _surveyed(self, cell: tuple[int, int], side: float, segments: NDArray[np.intp]) -> _Cell:
+        """Cell number `cell` of a grid of squares of `side`, `segments` being all that can be the nearest in it."""
         centre = (self._low_x + (cell[0] + 0.5) * side, self._low_y + (cell[1] + 0.5) * side)
         offsets, tangents = centre - self._starts[segments], self._tangents[segments]
         along = np.clip((offsets * tangents).sum(axis=1), 0.0, self._lengths[segments])
         apart = np.hypot(*(offsets - along[:, None] * tangents).T)
-        bound = (float(apart.min()) + math.sqrt(2.0) * side) * (1.0 + _ROUNDING) + self._slack
-        found: list[int] = segments[apart <= bound].tolist()
-        return found
+        least, across = float(apart.min()), math.sqrt(2.0) * side
+        slack = (least + across) * _ROUNDING + self._slack
+        near: list[int] = segments[apart <= least + across + slack].tolist()
+        return near, least - across / 2 - slack, least + across / 2 + slack

@@ -234,3 +234,16 @@ def test_a_path_without_points_is_nowhere():
     """No points, no places."""
     s_m, d_m = square().locate_path(np.empty((0, 2)))
     assert s_m.shape == d_m.shape == (0,)
+
+
+@given(seed=st.integers(0, 2**32 - 1), closed=st.booleans(), margin_m=st.sampled_from([0.0, 0.1, 2.0]))
+def test_what_is_within_the_lane_is_what_the_distance_says(seed, closed, margin_m):
+    """Bounds decide what is plain, the distance the rest: the answer is always the distance's."""
+    route = wavy_route(seed, closed)
+    random = np.random.default_rng(seed)
+    extent_m = float(np.ptp(route.points_m, axis=0).max())
+    spread = random.normal(0, 0.3, 60)
+    points = [route.point_at(s, d) for s, d in zip(random.uniform(0, route.length_m, 60), spread, strict=True)]
+    points += [(x, y) for x, y in (random.uniform(-2, 2, (20, 2)) * extent_m).tolist()]
+    for point in points:
+        assert route.is_within(point, margin_m) == (route.outside_by_m(*route.locate_point(point)) <= margin_m)
