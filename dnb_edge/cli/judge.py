@@ -232,7 +232,7 @@ def _instant(case: Case, option: str, text: str, car: int) -> Crossing | float:
         t_s = float(text)
     except ValueError:
         t_s = math.nan
-    frames = case.raced.frames.t_ns
+    frames = case.raced.facts.frames_t_ns
     longest_s = (frames[-1] - frames[0]) * 1e-9 if frames else 0.0
     if not 0 <= t_s <= longest_s:
         raise InputError(f"{option} {text}: must be seconds from the first frame, 0 to {longest_s:.3f}, or pass:N")
@@ -240,7 +240,7 @@ def _instant(case: Case, option: str, text: str, car: int) -> Crossing | float:
 
 
 def _stamp(case: Case, t_s: float) -> int:
-    return case.raced.frames.t_ns[0] + round(t_s * 1e9)
+    return case.raced.facts.frames_t_ns[0] + round(t_s * 1e9)
 
 
 def _laps(case: Case) -> Table:

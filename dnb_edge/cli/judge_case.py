@@ -9,6 +9,7 @@ import getpass
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from dnb_edge.race.edit import Edit, LapKey
 from dnb_edge.race.marshal import Marshalled, MarshalledLap, added_to, apply
 from dnb_edge.record.edits import EditLog, append_edit, edits_path, locked, read_edits
 from dnb_edge.report.table import printable
-from dnb_edge.values import Crossing, Lap
+from dnb_edge.values import Crossing, Event, Lap, Standings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,12 +112,15 @@ def decide(run: Path, judge: Judge, what: Callable[[Case], dict[str, Any]]) -> N
             reason=judge.reason.strip(),
             **what(case),
         )
-        before, after = added_to(raced.raw_laps, case.log.edits, edit, case.passes)
+        added_to(raced.raw_laps, case.log.edits, edit, case.passes)
+        before, after = raced.overlaid(case.log.edits), raced.overlaid((*case.log.edits, edit))
         if not judge.dry_run:
             append_edit(case.log, edit, raced.run)
     say_warnings(case.log.warnings)
     console = Console(markup=False)
-    console.print(before_and_after(before, after))
+    console.print(before_and_after(before.marshalled, after.marshalled))
+    if len(raced.facts.results) > 1:
+        console.print(standings_before_and_after(before.events, after.events))
     done = "would be" if judge.dry_run else "is"
     text = f"edit {edit.number} ({edit.action.value} {edit.subject}) {done} in {edits_path(run)}"
     console.print(text, highlight=False, soft_wrap=True)
@@ -148,6 +152,30 @@ def before_and_after(before: Marshalled, after: Marshalled) -> Table:
     table.add_row("", f"{same} other laps" if changed else f"{same} laps", "as before")
     table.add_row("all", _sum(before), _sum(after))
     return table
+
+
+def standings_before_and_after(before: Sequence[Event], after: Sequence[Event]) -> Table:
+    """The last standings of both, a line a place."""
+    table = Table(box=None)
+    for heading in ("place", "before", "after"):
+        table.add_column(heading, overflow="fold")
+    for k, (was, will) in enumerate(
+        zip_longest(_standing_words(before), _standing_words(after), fillvalue="-"), start=1
+    ):
+        table.add_row(str(k), was, will)
+    return table
+
+
+def _standing_words(events: Sequence[Event]) -> list[str]:
+    last = next((event for event in reversed(events) if isinstance(event, Standings)), None)
+    words = []
+    for row in () if last is None else last.rows:
+        assert last is not None, "it has the rows"
+        value = "no result" if row.value is None else f"{row.value:.3f} {last.unit}"
+        end = "" if row.dnf is None else f", DNF: {printable(row.dnf)}"
+        tie = f" (tied for {row.place})" if row.tied else ""
+        words.append(f"{printable(row.name)}  {value}{tie}{end}")
+    return words
 
 
 def lap_words(lap: Lap) -> str:

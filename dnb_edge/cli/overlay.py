@@ -5,26 +5,29 @@ Knows events and edited laps; knows no file. What the race itself said stays bes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dnb_edge.core import CoreSetup
 from dnb_edge.core.views import ViewLog
 from dnb_edge.race.edit import Edit
-from dnb_edge.race.marshal import Marshalled, MarshalledLap, apply
+from dnb_edge.race.marshal import Marshalled, MarshalledLap, apply, in_sequence
+from dnb_edge.race.standings import CarResult, standings
 from dnb_edge.report.run import lap_paths
 from dnb_edge.score.similarity import score_lap
 from dnb_edge.values import Crossing, Event, Lap, Observation, RunSummary, Score, Standings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frames:
-    """What there is to know of a run's frames besides what was found in them."""
+class RaceFacts:
+    """What a race leaves besides its events."""
 
-    t_ns: tuple[int, ...]
-    """Their stamps."""
+    frames_t_ns: tuple[int, ...]
+    """Stamps of all frames."""
     views: ViewLog
     """How far the camera was known to have moved."""
+    results: tuple[CarResult, ...]
+    """What standings are made of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +40,13 @@ class Overlaid:
     marshalled: Marshalled
 
 
-def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, frames: Frames) -> Overlaid:
+def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, facts: RaceFacts) -> Overlaid:
     """The race that said `events`, its last the summary, after `edits`."""
     crossings = [event for event in events if isinstance(event, Crossing)]
     made = apply([event for event in events if isinstance(event, Lap)], edits, crossings)
-    seen = _Seen(events, crossings, frames)
+    if not made.removed and not any(one.edits for one in made.laps):
+        return Overlaid(events=tuple(events), marshalled=made)
+    seen = _Seen(events, crossings, facts)
     scores: dict[tuple[int, int], Score] = {}
     laps = []
     for one in made.laps:
@@ -52,7 +57,9 @@ def laid_over(events: Sequence[Event], edits: Sequence[Edit], setup: CoreSetup, 
                 scores[lap.car, lap.number] = score
         laps.append(replace(one, lap=lap))
     marshalled = replace(made, laps=tuple(laps))
-    return Overlaid(events=tuple(_merged(events, marshalled, scores)), marshalled=marshalled)
+    results = tuple(_results(facts.results, marshalled))
+    told = _merged(events, marshalled, scores)
+    return Overlaid(events=tuple(_with_standings(told, results, setup)), marshalled=marshalled)
 
 
 def _merged(events: Sequence[Event], marshalled: Marshalled, scores: dict[tuple[int, int], Score]) -> Iterator[Event]:
@@ -73,13 +80,39 @@ def _merged(events: Sequence[Event], marshalled: Marshalled, scores: dict[tuple[
             case Score():
                 if (event.car, event.lap) in untouched:
                     yield event
-            case Standings():
-                if event.final:
-                    yield event
             case RunSummary():
                 yield replace(event, laps=len(marshalled.laps))
             case _:
                 yield event
+
+
+def _with_standings(events: Iterable[Event], results: Sequence[CarResult], setup: CoreSetup) -> Iterator[Event]:
+    """The events with the last standings made anew of `results`; those before were of other laps, and are left out."""
+    for event in events:
+        if not isinstance(event, Standings):
+            yield event
+        elif event.final:
+            yield standings(results, setup.format, setup.laps.laps, t_ns=event.t_ns, t_s=event.t_s, final=True)
+
+
+def _results(results: Sequence[CarResult], marshalled: Marshalled) -> Iterator[CarResult]:
+    """Each car's result with the laps that count now, until a judge ended its race."""
+    laps = in_sequence(marshalled)
+    ended = {one.car: one for one in marshalled.ended}
+    for result in results:
+        mine, end = laps.get(result.car, ()), ended.get(result.car)
+        if end is None:
+            yield replace(result, laps=mine)
+            continue
+        begun_ns = end.t_ns if result.start_t_ns is None else result.start_t_ns
+        yield replace(
+            result,
+            laps=tuple(lap for lap in mine if lap.end_t_ns <= end.t_ns),
+            elapsed_s=max(0.0, (end.t_ns - begun_ns) * 1e-9),
+            running=0.0,
+            penalties=(),
+            dnf=end.reason,
+        )
 
 
 def _with_score(lap: Lap, scores: dict[tuple[int, int], Score]) -> Iterator[Event]:
@@ -96,19 +129,19 @@ def _key(lap: Lap) -> tuple[int, int]:
 class _Seen:
     """What was seen of the cars, to score laps that a judge made."""
 
-    def __init__(self, events: Sequence[Event], crossings: Sequence[Crossing], frames: Frames) -> None:
+    def __init__(self, events: Sequence[Event], crossings: Sequence[Crossing], facts: RaceFacts) -> None:
         self._observations = [event for event in events if isinstance(event, Observation)]
         self._crossings = crossings
-        self._frames = frames
+        self._facts = facts
 
     def looked_at(self, one: MarshalledLap, setup: CoreSetup) -> tuple[Lap, Score | None]:
         """The lap with the share of its frames in which the car was seen and, where it can be scored, its similarity."""
         lap = one.lap
         mine = self._of_car(lap.car) if setup.motion.cars > 1 else self._observations
         inside = {seen.t_ns for seen in mine if lap.start_t_ns < seen.t_ns <= lap.end_t_ns}
-        frames = sum(lap.start_t_ns < t_ns <= lap.end_t_ns for t_ns in self._frames.t_ns)
+        frames = sum(lap.start_t_ns < t_ns <= lap.end_t_ns for t_ns in self._facts.frames_t_ns)
         seen = len(inside) / frames if frames else 0.0
-        lap = replace(lap, observed_fraction=seen, suspect=self._frames.views.suspect(lap))
+        lap = replace(lap, observed_fraction=seen, suspect=self._facts.views.suspect(lap))
         if setup.not_scored_because is not None or len(inside) < 2:
             return lap, None
         (path_m,) = lap_paths((lap,), mine, self._crossings)

@@ -5,14 +5,14 @@ A judge's edits that lie beside the recording are laid over its laps, unless som
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from dnb_edge.cli.overlay import Frames, laid_over
+from dnb_edge.cli.overlay import Overlaid, RaceFacts, laid_over
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.core.views import ViewLog
 from dnb_edge.errors import InputError
@@ -49,13 +49,17 @@ class Replayed:
     warnings: tuple[str, ...]
     run: RunIdentity
     """What tells this recording from others."""
-    frames: Frames
+    facts: RaceFacts
     raw_laps: tuple[Lap, ...] = ()
     """As the race made them, without edits."""
     edits: tuple[Edit, ...] = ()
     """All that were read; empty where they are not wanted."""
     marshalled: Marshalled | None = None
     """What the edits came to; None where there are none."""
+
+    def overlaid(self, edits: Sequence[Edit]) -> Overlaid:
+        """This race, replayed without edits, after `edits`."""
+        return laid_over(self.events, edits, self.setup, self.facts)
 
     def result(self) -> RunResult:
         """The run as tables and reports want it; with the twin's picture where that still lies where the run found it."""
@@ -94,7 +98,7 @@ def replay(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], Cor
     recorded = setup
     if changed is not None:
         setup = changed(recorded)
-    events, frames = _race(run, setup)
+    events, facts = _race(run, setup)
     raced = Replayed(
         path=path,
         header=run.header,
@@ -105,7 +109,7 @@ def replay(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], Cor
         events=events,
         warnings=run.warnings,
         run=identity,
-        frames=frames,
+        facts=facts,
         raw_laps=tuple(event for event in events if isinstance(event, Lap)),
     )
     if log is None:
@@ -113,7 +117,7 @@ def replay(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], Cor
     raced = replace(raced, warnings=(*raced.warnings, *log.warnings))
     if not log.edits:
         return raced
-    overlaid = laid_over(events, log.edits, setup, frames)
+    overlaid = raced.overlaid(log.edits)
     told = (*overlaid.marshalled.without_effect, *overlaid.marshalled.moved)
     return replace(
         raced,
@@ -130,7 +134,7 @@ def edit_warning(told: Told) -> str:
     return f"edit {edit.number} ({edit.action.value} {edit.subject}, {printable(edit.author)}): {told.text}"
 
 
-def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], Frames]:
+def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], RaceFacts]:
     """All that the core says, with the run's summary, and what there is to know of the frames."""
     core = Core(setup)
     events: list[Event] = []
@@ -144,7 +148,7 @@ def _race(run: RecordedRun, setup: CoreSetup) -> tuple[tuple[Event, ...], Frames
     found = {event.t_ns for event in events if isinstance(event, Observation)}
     laps = sum(isinstance(event, Lap) for event in events)
     summary = RunSummary(frames=len(frames_t_ns), detected_frames=len(found), laps=laps, recording=str(run.path))
-    return (*events, summary), Frames(t_ns=tuple(frames_t_ns), views=views)
+    return (*events, summary), RaceFacts(frames_t_ns=tuple(frames_t_ns), views=views, results=core.results())
 
 
 def _twin(config: dict[str, Any]) -> BgrImage | None:

@@ -40,6 +40,21 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """A judge ended a car's race."""
+
+    car: int
+    t_ns: int
+    """The end of its last lap."""
+    edit: Edit
+
+    @property
+    def reason(self) -> str:
+        """Why, with who said so."""
+        return f"{self.edit.reason} (judge {self.edit.author})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Marshalled:
     """The laps of a run after the edits."""
 
@@ -47,6 +62,8 @@ class Marshalled:
     """In the order in which they ended. A number never changes hands: it may be missing (removed, merged) or late (added)."""
     removed: tuple[MarshalledLap, ...] = ()
     """Laps that were taken away, as they were before; their last edit is the removal."""
+    ended: tuple[Ended, ...] = ()
+    """Cars whose race a judge ended, each once."""
     notes: tuple[Edit, ...] = ()
     """Notes about the whole run."""
     undone: tuple[Edit, ...] = ()
@@ -90,9 +107,12 @@ def apply(laps: Sequence[Lap], edits: Sequence[Edit], crossings: Sequence[Crossi
             fault = _DOERS[edit.action](sheet, edit)
             if fault is not None:
                 sheet.without_effect.append(Told(edit=edit, text=fault))
+    ended = _ended(sheet.laps)
+    removed = (replace(one, lap=_decided(one.lap, one.edits)) for one in sheet.removed)
     return Marshalled(
-        laps=_official(sheet.laps),
-        removed=tuple(sorted(_official(sheet.removed), key=_in_order)),
+        laps=tuple(_official(one, ended.get(one.lap.car)) for one in sheet.laps),
+        removed=tuple(sorted(removed, key=_in_order)),
+        ended=tuple(ended[car] for car in sorted(ended)),
         notes=tuple(sheet.notes),
         undone=tuple(edit for edit in edits if edit.number in gone),
         without_effect=tuple(sheet.without_effect),
@@ -316,25 +336,23 @@ _DOERS: dict[Action, Callable[[_Sheet, Edit], str | None]] = {
 }
 
 
-def _official(laps: Sequence[MarshalledLap]) -> tuple[MarshalledLap, ...]:
-    """The laps with penalties, validity and official times as the judge's decisions leave them."""
-    ends = {
-        (one.lap.car, one.lap.start_t_ns): edit
-        for one in laps
-        for edit in one.edits
-        if edit.penalty is not None and edit.penalty.dnf
-    }
-    official = []
-    for one in laps:
-        over = [edit for (car, t_ns), edit in ends.items() if car == one.lap.car and t_ns < one.lap.start_t_ns]
-        decided = replace(one, lap=_decided(one.lap, one.edits))
-        if over:
-            last = min(over, key=lambda edit: edit.number)
-            reason = f"the car's race ended before it (judge {last.author}: {last.reason})"
-            lap = replace(decided.lap, valid=False, reasons=(*decided.lap.reasons, reason))
-            decided = MarshalledLap(lap=lap, raw=one.raw, edits=(*one.edits, last))
-        official.append(decided)
-    return tuple(official)
+def _ended(laps: Sequence[MarshalledLap]) -> dict[int, Ended]:
+    """By car: the first of its laps with which a judge ended its race."""
+    found: dict[int, Ended] = {}
+    for one in reversed(laps):
+        for edit in one.edits:
+            if edit.penalty is not None and edit.penalty.dnf:
+                found[one.lap.car] = Ended(car=one.lap.car, t_ns=one.lap.end_t_ns, edit=edit)
+    return found
+
+
+def _official(one: MarshalledLap, ended: Ended | None) -> MarshalledLap:
+    """The lap with penalties, validity and official time as the judge's decisions leave them."""
+    lap = _decided(one.lap, one.edits)
+    if ended is None or lap.start_t_ns < ended.t_ns:
+        return replace(one, lap=lap)
+    reasons = (*lap.reasons, f"the car's race ended before it: {ended.reason}")
+    return MarshalledLap(lap=replace(lap, valid=False, reasons=reasons), raw=one.raw, edits=(*one.edits, ended.edit))
 
 
 def _decided(lap: Lap, edits: Sequence[Edit]) -> Lap:
