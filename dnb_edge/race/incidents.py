@@ -85,20 +85,25 @@ class Pace:
 
     def step(self, fix: Fix) -> Step:
         """The step to the next fix."""
-        before, self.last = self.last, fix
         if self._rest is None or math.dist(self._rest.track_m, fix.track_m) > STILL_M:
             self._rest = fix
-        rest = self._rest
+        step = self.peek(fix)
+        self.last = fix
+        if not step.lifted and step.dt_s > 0.0:
+            self._mean_mps += _SLOWLY * (step.moved_m / step.dt_s - self._mean_mps)
+            self._fastest_mps = max(self._fastest_mps, self._mean_mps)
+        return step
+
+    def peek(self, fix: Fix) -> Step:
+        """The same, without taking it."""
+        before, rest = self.last, self._rest or fix
         if before is None or fix.t_ns <= before.t_ns:
             return Step(fix=fix, before=before, dt_s=0.0, moved_m=0.0, can_m=0.0, rest=rest, lifted=False)
         dt_s = (fix.t_ns - before.t_ns) * 1e-9
         moved_m = math.dist(before.track_m, fix.track_m)
         can_m = self._fastest_mps * dt_s
-        lifted = moved_m - can_m > self._lifted_m
-        if not lifted:
-            self._mean_mps += _SLOWLY * (moved_m / dt_s - self._mean_mps)
-            self._fastest_mps = max(self._fastest_mps, self._mean_mps)
-        return Step(fix=fix, before=before, dt_s=dt_s, moved_m=moved_m, can_m=can_m, rest=rest, lifted=lifted)
+        is_far = moved_m - can_m > self._lifted_m
+        return Step(fix=fix, before=before, dt_s=dt_s, moved_m=moved_m, can_m=can_m, rest=rest, lifted=is_far)
 
     def back_to(self, fix: Fix | None) -> None:
         """Forgets all fixes after `fix`: they will come again."""
@@ -136,14 +141,15 @@ class Lost:
         )
 
 
-def lifted(step: Step) -> Draft | None:
-    """Tells a step that the car cannot have driven."""
-    if not step.lifted or step.before is None:
+def lifted(step: Step, begin: Crossing) -> Draft | None:
+    """Tells a step of the lap that began at `begin`, or over its end, that the car cannot have driven."""
+    before = step.before
+    if not step.lifted or before is None:
         return None
     return Draft(
         kind=IncidentKind.LIFTED,
-        start_t_ns=step.before.t_ns,
-        start_s=step.before.t_s,
+        start_t_ns=max(before.t_ns, begin.t_ns),
+        start_s=max(before.t_s, begin.t_s),
         end_t_ns=step.fix.t_ns,
         worst=step.fix,
         greatest_m=step.moved_m,

@@ -188,7 +188,7 @@ class LapMachine:
         progress_m = self._progress_at(crossing.t_ns)
         if STATUS[passing] in (PassStatus.LAP, PassStatus.ARRIVED):
             assert ended is not None, "the table lets a lap end only after its start"
-            told += self._tell(ended.ended(crossing, self._coming[0].t_ns if self._coming else crossing.t_ns))
+            told += self._tell(ended.ended(crossing, self._pace.peek(self._coming[0]) if self._coming else None))
             self._done += 1
             jump = () if self._jump is None or self._done > 1 else (self._jump,)
             told.append(ended.driven(crossing, car=self._car, before=jump))

@@ -150,13 +150,13 @@ class OpenLap:
 
     def given_up(self, t_ns: int) -> list[Draft]:
         """What was going on when the lap was given up."""
-        return self._watch.close(t_ns, t_ns)
+        return self._watch.close(t_ns)
 
-    def ended(self, end: Crossing, seen_t_ns: int) -> list[Draft]:
-        """What was going on when the lap ended at `end`, and what is wrong with the lap as a whole. The car was seen again
-        at `seen_t_ns`.
+    def ended(self, end: Crossing, over: Step | None) -> list[Draft]:
+        """What was going on when the lap ended at `end`, and what is wrong with the lap as a whole; `over` is the step over
+        its end, where it is known.
         """
-        drafts = self._watch.close(end.t_ns, seen_t_ns)
+        drafts = self._watch.close(end.t_ns, over)
         drafts += [self._missed(line, end) for line in self._sectors.due]
         routes = self._watch.way.net_m / self._lap_m
         if routes > MOST_ROUTES:

@@ -17,6 +17,7 @@ class LapWatch:
 
     def __init__(self, rules: LapRules, begin: Crossing, way: Way, *, seen_t_ns: int, lane: Lane | None) -> None:
         """`way`: the lap's way, not begun; `seen_t_ns`: stamp at which the car is known to have been seen last."""
+        self._begin = begin
         self._margin_m = rules.off_lane_margin_m
         self._lost = Lost(rules, begin, seen_t_ns)
         self._stalled = Stalled(rules, begin)
@@ -31,7 +32,7 @@ class LapWatch:
         fix = step.fix
         found = [
             self._lost.feed(fix),
-            lifted(step),
+            lifted(step, self._begin),
             self.way.feed(step),
             self._stalled.feed(step),
             self._off_track.feed(fix, self._overhang.outside_m(fix)),
@@ -41,9 +42,12 @@ class LapWatch:
             found.append(self._wrong_way.feed(fix, self.way.net_m))
         return [draft for draft in found if draft is not None]
 
-    def close(self, t_ns: int, seen_t_ns: int) -> list[Draft]:
-        """What goes on while the lap ends at `t_ns`; the car is seen again at `seen_t_ns`. What began after `t_ns` belongs to
-        the next lap.
+    def close(self, t_ns: int, over: Step | None = None) -> list[Draft]:
+        """What goes on while the lap ends at `t_ns`. `over` is the step over its end, if any: a gap or a lift over the end is
+        of both laps. What began after `t_ns` belongs to the next one.
         """
-        found = [self._lost.close(seen_t_ns), self._stalled.close(), self._off_track.close(), self._wrong_way.close()]
+        found = [self._lost.close(t_ns if over is None else over.fix.t_ns), self._stalled.close()]
+        found += [self._off_track.close(), self._wrong_way.close()]
+        if over is not None:
+            found.append(lifted(over, self._begin))
         return [draft for draft in found if draft is not None and draft.start_t_ns < t_ns]
