@@ -121,15 +121,17 @@ class LiveLap:
             # The lap is over, though its end is not told yet: what it was worth stays as it is.
             return
         lap.farthest_m = max(lap.farthest_m, way_m)
+        lap.driven_s = lap.elapsed_s(fix)
         if self._likeness is not None:
             self._likeness.drive(fix.observed_m)
-        if self._best is not None:
-            (then_s,) = self._best.trace.arrivals_s(np.array([lap.farthest_m])).tolist()
-            lap.delta_s = lap.elapsed_s(fix) - then_s
 
     def _running(self, lap: _OpenLap, fix: Fix) -> Running:
         elapsed_s = lap.elapsed_s(fix)
+        delta_s: float | None = None
         ghost_m: PointM | None = None
+        if self._best is not None and lap.driven_s is not None:
+            (then_s,) = self._best.trace.arrivals_s(np.array([lap.farthest_m])).tolist()
+            delta_s = lap.driven_s - then_s
         if self._best is not None and elapsed_s <= self._best.trace.time_s:
             ((x, y),) = self._best.trace.place_m(np.array([elapsed_s])).tolist()
             ghost_m = (x, y)
@@ -146,7 +148,7 @@ class LiveLap:
             d_m=fix.d_m,
             speed_mps=speed_mps(self._recent),
             similarity_percent=None if self._likeness is None else self._likeness.percent(share),
-            delta_s=lap.delta_s,
+            delta_s=delta_s,
             ghost_m=ghost_m,
         )
 
@@ -160,7 +162,9 @@ class _OpenLap:
     before_m: float | None = None
     """To be added to a fix's progress for its way since the lap's start; None before the first fix."""
     farthest_m: float = 0.0
-    delta_s: float | None = None
+    """The farthest place that the car came to, metres along the route since the lap's start."""
+    driven_s: float | None = None
+    """Time from the lap's start to its latest fix before the end; None before the first fix."""
 
     def elapsed_s(self, fix: Fix) -> float:
         return (fix.t_ns - self.start_t_ns) * 1e-9
@@ -179,16 +183,15 @@ class _Likeness:
         warping = Programme.DTW_SYMMETRIC if settings.symmetric else Programme.DTW
         self._programme = warping if settings.metric is Metric.DTW else Programme.FRECHET
         self._table = PrefixTable(self._route, self._programme, settings.clamp_m)
-        self._points: deque[PointM] = deque(maxlen=2 * self._arm + 1)
-        self._at: PointM | None = None
+        self._points: list[PointM] = []
         self._since_m = 0.0
+        self._at: PointM | None = None
 
     def begin(self, point_m: PointM) -> None:
         """A new lap begins at `point_m`, track m."""
         self._table = PrefixTable(self._route, self._programme, self._settings.clamp_m)
-        self._points.clear()
+        self._points = [point_m]
         self._at, self._since_m = point_m, 0.0
-        self._add(point_m)
 
     def drive(self, to_m: PointM) -> None:
         """The path goes on straight to `to_m`, track m."""
@@ -198,13 +201,16 @@ class _Likeness:
         next_m = self._spacing_m - self._since_m
         while next_m <= way_m:
             share = next_m / way_m
-            self._add((from_m[0] + share * (to_m[0] - from_m[0]), from_m[1] + share * (to_m[1] - from_m[1])))
+            self._points.append((from_m[0] + share * (to_m[0] - from_m[0]), from_m[1] + share * (to_m[1] - from_m[1])))
             next_m += self._spacing_m
         self._since_m = way_m - next_m + self._spacing_m
 
     def percent(self, share: float) -> float | None:
         """Similarity of the path so far to the first `share`, 0..1, of the route; None where that is too little."""
-        if share < LEAST_SHARE or self._table.points == 0:
+        if share < LEAST_SHARE:
+            return None
+        self._compare()
+        if self._table.points == 0:
             return None
         # Points that wait are not yet compared; the filter's place and the path's end are a little apart.
         middle = share * (len(self._route) - 1) - self._arm
@@ -219,17 +225,21 @@ class _Likeness:
             distances_m /= np.maximum(self._table.points, covered)
         return similarity_percent(float(distances_m.min()), self._settings.baseline_m)
 
-    def _add(self, point_m: PointM) -> None:
-        self._points.append(point_m)
-        if self._directions is None:
-            self._table.add(point_m)
-        elif len(self._points) > self._arm:
-            first, middle, last = self._points[0], self._points[-1 - self._arm], self._points[-1]
-            along = np.array([last[0] - first[0], last[1] - first[1]])
-            length_m = float(np.hypot(*along))
-            unit = along / length_m if length_m > 0 else along
-            cost = 0.25 * self._settings.baseline_m * ((self._directions - unit) ** 2).sum(axis=1)
-            self._table.add(middle, cost)
+    def _compare(self) -> None:
+        """Takes the points that do not wait any more."""
+        first, ready = self._table.points, len(self._points) - self._arm
+        if ready <= first:
+            return
+        extra = None
+        if self._directions is not None:
+            at = np.arange(first, ready)
+            points = np.array(self._points)
+            chords = points[at + self._arm] - points[np.maximum(at - self._arm, 0)]
+            lengths = np.hypot(chords[:, 0], chords[:, 1])[:, None]
+            units = np.divide(chords, lengths, out=np.zeros_like(chords), where=lengths > 0)
+            turned = (units[:, None, :] - self._directions) ** 2
+            extra = 0.25 * self._settings.baseline_m * turned.sum(axis=2)
+        self._table.extend(np.array(self._points[first:ready]), extra)
 
 
 def speed_mps(fixes: Sequence[Fix]) -> float:

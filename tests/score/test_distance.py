@@ -75,11 +75,11 @@ def test_frechet_equals_geos_on_random_walks() -> None:
     assert same >= 250
 
 
-@given(POINTS, POINTS, st.none() | st.floats(0.1, 5.0), st.booleans())
+@given(POINTS, POINTS, st.none() | st.floats(0.1, 5.0), st.booleans(), st.integers(1, 5))
 def test_several_programmes_at_once_and_a_growing_path_give_the_same_distances(
-    path: np.ndarray, reference: np.ndarray, clamp: float | None, directed: bool
+    path: np.ndarray, reference: np.ndarray, clamp: float | None, directed: bool, batch: int
 ) -> None:
-    """Asked for together each is what it is alone, to the last bit; fed point by point it is the same to rounding, to every
+    """Asked for together each is what it is alone, to the last bit; fed in batches it is the same to rounding, to every
     beginning of the reference."""
     headings = None
     if directed:
@@ -89,9 +89,10 @@ def test_several_programmes_at_once_and_a_growing_path_give_the_same_distances(
     for programme, distance in zip(Programme, together, strict=True):
         assert (distance,) == distances(path, reference, clamp, (programme,), headings=headings)
         table = PrefixTable(reference, programme, clamp)
-        for i, (x, y) in enumerate(path.tolist()):
-            turned = None if headings is None else 0.7 * (1 - reference_units @ path_units[i]) / 2
-            table.add((x, y), turned)
+        for i in range(0, len(path), batch):
+            turned = None if headings is None else 0.7 * (1 - path_units[i : i + batch] @ reference_units.T) / 2
+            table.extend(path[i : i + batch], turned)
+        assert table.points == len(path)
         ends = table.to(0, len(reference) - 1)
         assert ends[-1] == pytest.approx(distance, abs=1e-9)
         if headings is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from demo_laps import Camera, demo_drive, demo_laps, demo_track
@@ -102,6 +104,16 @@ def test_the_p95_is_that_of_the_way() -> None:
     assert found.mean_m == pytest.approx(0.1, abs=1e-6)
 
 
+def test_a_path_backwards_has_the_figures_of_the_same_path_forth() -> None:
+    """A lap the wrong way round is as far to the side as it is, and weighs its places all the same."""
+    way_m = np.array([0.0, 1.0, 1.5, 4.0])
+    d_m = np.array([0.01, -0.02, 0.03, 0.04])
+    forth, back = excursion(way_m, d_m, s_m=way_m), excursion(way_m[::-1] - 4.0, d_m[::-1], s_m=way_m[::-1])
+    for figure in ("mean_m", "p95_m", "bias_m", "greatest_m", "greatest_s_m"):
+        assert getattr(back, figure) == pytest.approx(getattr(forth, figure), abs=1e-12)
+    assert forth.mean_m != pytest.approx(np.abs(d_m).mean(), abs=1e-3)
+
+
 def test_a_path_that_goes_nowhere_has_plain_means() -> None:
     """Without way along the route all points count alike."""
     found = excursion(np.zeros(3), np.array([0.01, 0.02, 0.06]), s_m=np.zeros(3))
@@ -178,6 +190,14 @@ def test_a_trace_begins_and_ends_with_its_crossings() -> None:
     assert tuple(trace.track_m[-1]) == lap.path_m[-1]
     assert trace.d_m[0] == pytest.approx(demo_drive(1).wander.offset_m(np.array([0.0]))[0], abs=1e-3)
     assert len(trace.t_s) == len(lap.fixes) + 2
+
+
+def test_a_lap_ends_with_its_crossing_wherever_the_filter_had_the_car_before() -> None:
+    """A filtered place beyond the line before the crossing does not end the lap early: the delta at its end is the times'."""
+    lap = next(demo_laps(demo_drive(1), Camera()))
+    last = replace(lap.fixes[-1], progress_m=lap.fixes[-1].progress_m + 0.2)
+    trace = lap_trace(replace(lap, fixes=(*lap.fixes[:-1], last)), demo_track())
+    assert trace.arrivals_s(np.array([trace.length_m])) == pytest.approx([lap.lap.time_s], abs=1e-6)
 
 
 def test_a_score_tells_the_laps_speeds_where_it_is_told_its_times() -> None:
