@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -124,6 +125,9 @@ def with_lines(track: Track, places: Mapping[str, Place]) -> Track:
         sectors=[NamedLine(line=line, name=name) for name, line in sectors.items()],
         source="--line",
     )
+    if START_LINE not in places:
+        # The route stays as it was recorded, bit for bit: laying it out anew resamples it.
+        changed = replace(track, finish_line=changed.finish_line, sector_lines=changed.sector_lines)
     check_lines(changed)
     return changed
 

@@ -47,14 +47,19 @@ def score(
     track: Annotated[Path | None, typer.Option(help="Another track file of the same twin.", metavar="FILE")] = None,
     overrides: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Another value for one key, such as race.min_lap_s=3. May be given several times."),
+        typer.Option(
+            "--set",
+            help="Another value for one key, such as race.min_lap_s=3. May be given several times.",
+            metavar="KEY=VALUE",
+        ),
     ] = None,
     edits: WithEdits = True,
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run.
 
-    Or try what other lines, thresholds and rules would have given: --line, --set, --rules, --track. The recording never
-    changes. A judge's edits (`dnb-edge judge`) are laid over the laps; --no-edits gives what the race itself said.
+    Or what other lines, thresholds and rules would have given: --line, --set, --rules, --track. The recording never changes.
+
+    A judge's edits (`dnb-edge judge`) are laid over the laps; --no-edits gives what the race itself said.
     """
     wanted = Wanted(rules=rules, track=track, lines=tuple(lines or ()), overrides=tuple(overrides or ()))
     for path in recordings(runs):

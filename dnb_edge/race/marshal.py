@@ -19,6 +19,9 @@ SAME_LAP = 2 / 3
 """Laps that share more of their time than this are the same lap: a line may move by a fifth of a lap, and neither half of a lap
 that was cut in two is taken for it. Laps of a car do not overlap, so at most one does."""
 
+MOVED_S = 1e-3
+"""Less than this nobody needs to be told that a lap begins or ends elsewhere, seconds."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarshalledLap:
@@ -71,7 +74,7 @@ class Marshalled:
     without_effect: tuple[Told, ...] = ()
     """Edits that find no lap any more, or nothing to do, under these rules and lines, and why."""
     moved: tuple[Told, ...] = ()
-    """Edits whose lap has another start or end now than when they were made."""
+    """Edits whose lap begins or ends elsewhere now, by `MOVED_S` or more, than when they were made."""
 
     @property
     def kept(self) -> tuple[Lap, ...]:
@@ -234,8 +237,8 @@ class _Sheet:
                 return f"{_name(gone[0].lap)} is removed (edit {remover.number}, {remover.author}: {remover.reason})"
             return f"there is no such lap any more: none of car {key.car} has most of its time in it"
         lap = found[0].lap
-        if (lap.start_t_ns, lap.end_t_ns) != (key.start_t_ns, key.end_t_ns):
-            shifts_s = ((lap.start_t_ns - key.start_t_ns) * 1e-9, (lap.end_t_ns - key.end_t_ns) * 1e-9)
+        shifts_s = ((lap.start_t_ns - key.start_t_ns) * 1e-9, (lap.end_t_ns - key.end_t_ns) * 1e-9)
+        if max(map(abs, shifts_s)) >= MOVED_S:
             text = f"{_name(lap)} begins {shifts_s[0]:+.3f} s and ends {shifts_s[1]:+.3f} s from where it did"
             self.moved.append(Told(edit=edit, text=text))
         return found[0]
