@@ -71,7 +71,10 @@ class CrossingSettings:
 
 @dataclass(slots=True, kw_only=True)
 class _Passage:
-    """The way from one side of the line to the other between two neighbouring fixes, with the fixes round it."""
+    """The way from one side of the line to the other between two neighbouring fixes, with the fixes round it.
+
+    Of a car that is first seen there, both are its first fix: it has not crossed the line.
+    """
 
     before: Fix
     after: Fix
@@ -159,9 +162,8 @@ class LineWatch:
             if passage is not None and fix.t_ns <= passage.until_ns:
                 passage.fixes.append(fix)
         if self._settled == 0.0:
-            # A car that is first seen just before the line still has to cross it.
-            self._settled = self._confirmed = side
-            return
+            # Where noise alone can have it on either side it is before the line, until it proves to have been behind it.
+            self._settled = self._confirmed = -1.0 if abs(across_m) < self._settings.hysteresis_m else side
         if self._candidate is None and side != self._settled:
             self._candidate = self._passage(fix)
         if self._candidate is not None:
@@ -176,6 +178,9 @@ class LineWatch:
         """The candidate is where the car changed sides. Where it is back where it came from, a passage is undone."""
         passage, self._candidate, self._turned_m = self._candidate, None, 0.0
         self._settled = -self._settled
+        if passage is not None and passage.before is passage.after:
+            # It was on this side from the first.
+            self._confirmed = self._settled
         self._waiting = None if self._settled == self._confirmed else passage
 
     def _confirm(self, across_m: float) -> None:
@@ -192,7 +197,7 @@ class LineWatch:
 
     def _passage(self, after: Fix) -> _Passage:
         """The passage between the two latest fixes, with all that its fit can need of the fixes so far."""
-        before = self._recent[-2]
+        before = self._recent[-2] if len(self._recent) > 1 else after
         ahead_s, behind_s = self._settings.reach_s((after.t_ns - before.t_ns) * 1e-9)
         from_ns = before.t_ns - round(ahead_s * 1e9)
         return _Passage(

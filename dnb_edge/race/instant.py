@@ -4,12 +4,11 @@ Knows numbers only: seconds, metres, variances. Which samples belong to a crossi
 
 Round the crossing's instant t* the signed distance is h(t) = b u + c u^2 / 2 + r(u), u = t - t*, with a departure r from the
 parabola whose acceleration is a Wiener process on either side of t*, of intensity q (m^2/s^5): what a driver does to the pedal
-is the less known the longer before or after. Hence
-
-    cov(r(u), r(w)) = q (y^5 / 5 + d y^4 / 2 + d^2 y^3 / 3) / 4,    y = min(|u|, |w|), d = ||u| - |w||, for u w > 0, else 0,
-
-so samples far from t* count the less the further they are, by themselves, and a gap at the line widens sigma by what a car can
-do in it. The fit is generalised least squares (Aitken) under that covariance and that of the samples, times s^2.
+is the less known the longer before or after. Its jerk is taken as constant over stretches from one knot to the next: a stretch
+from a to b has jerk of variance q / (b - a), and moves the car by ((u - a)+^3 - (u - b)+^3) / 6 times that. All together
+var r(u) = q |u|^5 / 20, so samples far from t* count the less the further they are, by themselves, and a gap at the line widens
+sigma by what a car can do in it. The fit is generalised least squares (Aitken) under that covariance and that of the
+samples, times s^2.
 
 Neither s, by how much the samples' own sigmas are wrong, nor q is known. Both are averaged over, on a grid: each point of it
 has the weight of its restricted likelihood (D. A. Harville, J. Am. Stat. Assoc. 72, 1977) times its prior. The variance is that
@@ -49,9 +48,10 @@ _LEAST_LOG = -10.0
 """No point of the grid is ever thought less likely than this against the likeliest: the next crossing may be another."""
 
 FEW = 5
-"""With fewer samples the acceleration is not told by them; it is then 0 with the spread below."""
+"""With fewer samples the acceleration is not told by them; it is then taken as 0."""
 
-ACCELERATION_SIGMA_MPS2 = 4.0
+_KNOTS: Floats = np.array([0.0, 0.08, 0.17, 0.3, 0.47, 0.7, 1.0])
+"""Between the crossing and the last sample on either side, as shares of the time between them."""
 
 _PASSES = 6
 
@@ -148,43 +148,53 @@ class _Fits:
 
 
 def _fit(u: Floats, measured: Floats, variance_m2: Floats, speed_mps: float) -> _Fits:
-    """The fits of `measured` (n, 2) at `u` (n,) for the whole grid, by one eigendecomposition of the departure's covariance."""
-    root = np.sqrt(variance_m2)
-    spread = departure_covariance(u) * speed_mps**2 / np.outer(root, root)
-    eigenvalues, vectors = np.linalg.eigh(spread)
+    """The fits of `measured` (n, 2) at `u` (n,) for the whole grid.
+
+    In units of the samples' sigmas their covariance is s^2 I + q B B^T. With the few eigenvectors U and eigenvalues l of B B^T
+    that are not zero, its inverse is I / s^2 within their complement and 1 / (s^2 + q l) along each.
+    """
+    root = np.sqrt(variance_m2)[:, None]
     degree = 2 if len(u) >= FEW else 1
-    design = vectors.T @ (np.vander(u, degree + 1, increasing=True) / root[:, None])
-    turned = vectors.T @ (measured / root[:, None])
-    # (scales, jerks, n): the covariance is diagonal here.
-    diagonal = SCALES[:, None, None] ** 2 + JERKS[None, :, None] * np.maximum(eigenvalues, 0.0)
-    weights = 1.0 / diagonal
-    normal = np.einsum("sjn,na,nb->sjab", weights, design, design, optimize=True)
-    right = np.einsum("sjn,na,nb->sjab", weights, design, turned, optimize=True)
+    # The design and what was measured, side by side.
+    columns = np.hstack((np.vander(u, degree + 1, increasing=True), measured)) / root
+    departures = stretches(u) * speed_mps / root
+    eigenvalues, vectors = np.linalg.eigh(departures.T @ departures)
+    kept = eigenvalues > max(float(eigenvalues[-1]), 1e-12) * 1e-9
+    eigenvalues = eigenvalues[kept]
+    along = (departures @ (vectors[:, kept] / np.sqrt(eigenvalues))).T @ columns
+    rest = columns.T @ columns - along.T @ along
+    products = (along[:, :, None] * along[:, None, :]).reshape(len(along), rest.size)
+    variances = (SCALES**2)[:, None]
+    diagonal = variances[:, :, None] + JERKS[None, :, None] * eigenvalues
+    gram = ((1.0 / diagonal) @ products).reshape(*diagonal.shape[:2], *rest.shape) + rest / variances[:, :, None, None]
+    normal, right = gram[:, :, : degree + 1, : degree + 1], gram[:, :, : degree + 1, degree + 1 :]
     inverse = np.linalg.inv(normal)
     values = inverse @ right
-    chi2 = np.einsum("sjn,n->sj", weights, turned[:, 0] ** 2) - (values[..., 0] * right[..., 0]).sum(axis=-1)
-    likelihood = -0.5 * (chi2 + np.log(diagonal).sum(axis=-1) + np.linalg.slogdet(normal)[1])
+    chi2 = gram[:, :, degree + 1, degree + 1] - (values[..., 0] * right[..., 0]).sum(axis=-1)
+    size = np.log(diagonal).sum(axis=-1) + (len(u) - len(eigenvalues)) * np.log(variances)
+    likelihood = -0.5 * (chi2 + size + np.linalg.slogdet(normal)[1])
     return _Fits(values=values, variances=inverse[:, :, 0, 0], likelihood=likelihood)
+
+
+def stretches(u: Floats) -> Floats:
+    """(n, stretches) how far each stretch of jerk moves the car at `u` (n,) seconds from the crossing, one sigma, metres, for
+    q = 1 m^2/s^5."""
+    sides = []
+    for lag in (np.maximum(u, 0.0), np.maximum(-u, 0.0)):
+        knots = _KNOTS * max(float(lag.max()), 1e-3)
+        moved = np.maximum(lag[:, None] - knots, 0.0) ** 3 / 6.0
+        sides.append((moved[:, :-1] - moved[:, 1:]) / np.sqrt(np.diff(knots)))
+    return np.hstack(sides)
 
 
 def expected_sigma_s(u: Floats, *, sigma_m: float, speed_mps: float) -> float:
     """The sigma that the instant will have from samples `u` (n,) seconds from the crossing, of `sigma_m` each, of a car that
     drives smoothly: the least of JERKS."""
     degree = 2 if len(u) >= FEW else 1
-    jerk = JERKS[0] * max(speed_mps, LEAST_SPEED_MPS) ** 2
+    departures = stretches(u) * max(speed_mps, LEAST_SPEED_MPS) * math.sqrt(JERKS[0])
     design = np.vander(u, degree + 1, increasing=True)
-    spread = sigma_m**2 * np.eye(len(u)) + jerk * departure_covariance(u)
+    spread = sigma_m**2 * np.eye(len(u)) + departures @ departures.T
     return math.sqrt(float(np.linalg.inv(design.T @ np.linalg.solve(spread, design))[0, 0])) / speed_mps
-
-
-def departure_covariance(u: Floats) -> Floats:
-    """(n, n) covariance of the departure from the parabola at `u` (n,) seconds from the crossing, m^2, for q = 1 m^2/s^5."""
-    lag = np.abs(u)
-    near = np.minimum(lag[:, None], lag[None, :])
-    apart = np.abs(lag[:, None] - lag[None, :])
-    one_side = (u[:, None] > 0) == (u[None, :] > 0)
-    covariance = near**3 * (near * near / 5.0 + apart * near / 2.0 + apart * apart / 3.0) / 4.0
-    return np.asarray(np.where(one_side, covariance, 0.0))
 
 
 def _prior() -> Floats:
