@@ -137,6 +137,8 @@ def test_another_calibration_is_refused_within_a_session_and_told_of_between_two
     told = refusal(again, monday)
     assert f"{monday} and {again}: different calibrations" in told
     assert "in one session, 'monday'" in told
+    nameless = record(tmp_path, "0.mcap", STEADY)
+    assert table(nameless, unnamed).exit_code == 0
     for other in (tuesday, unnamed):
         ran = table(monday, other)
         assert ran.exit_code == 0

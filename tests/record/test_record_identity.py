@@ -25,13 +25,13 @@ SCALE = TwinScale(metres_per_px=0.01, height_px=400.0)
 GROUND = GroundMap(camera_to_twin=(0.4, 0, 0, 0, 0.4, 0, 0, 0, 1.0), scale=SCALE, width_px=1000, height_px=1000)
 
 
-def ring(*, step: int = 1, name: str = "ring", noise_m: float = 0.0, sectors: bool = False) -> Track:
+def ring(*, step: int = 1, name: str = "ring", noise_m: float = 0.0, sectors: bool = False, at_m: float = 0.0) -> Track:
     angles = np.linspace(0, 2 * np.pi, 100, endpoint=False) * step
     points = 2 + np.column_stack((np.cos(angles), np.sin(angles))) * (1 + noise_m)
     half = np.full(100, 0.15)
     centreline = Centreline(points_m=points, half_left_m=half, half_right_m=half)
     lines = (line_across(centreline, 2.0, name="sector 1", margin_m=0.05),) if sectors else ()
-    start = line_across(centreline, 0.0, name="start", margin_m=0.05)
+    start = line_across(centreline, at_m, name="start", margin_m=0.05)
     return Track(name=name, scale=SCALE, centreline=centreline, start_line=start, sector_lines=lines)
 
 
@@ -52,6 +52,7 @@ SAME = identity_of(SETUP)
         ({"track": ring(step=-1)}, "track"),
         ({"track": ring(noise_m=1e-3)}, "track"),
         ({"track": ring(sectors=True)}, "track"),
+        ({"track": ring(at_m=0.5)}, "track"),
         ({"ground": replace(GROUND, camera_to_twin=(0.4001, 0, 0, 0, 0.4, 0, 0, 0, 1.0))}, "calibration"),
         ({"laps": LapRules(min_lap_s=3.0)}, "rules"),
         ({"start": StartRules(mode=StartMode.GRID)}, "rules"),

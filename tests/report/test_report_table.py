@@ -148,6 +148,17 @@ def test_who_cannot_be_told_apart_is_said_in_every_form() -> None:
     assert r"20.000 \pm 0.100^{\mathrm{b}}" in as_latex(table)
 
 
+def test_the_best_has_the_first_letter() -> None:
+    """The greatest similarity and the shortest time are in group a, wherever their names stand."""
+    good = tuple(lap(20.0 + k / 10, 99.0 - k / 10) for k in range(3))
+    bad = tuple(lap(10.0 + k / 10, 80.0 - k / 10) for k in range(3))
+    for names in ("ab", "ba"):
+        rows = {row.entry: row for row in result_table([trial(names[0], *good), trial(names[1], *bad)]).rows}
+        first, second = (rows[name] for name in names)
+        assert (first.similarity_group, second.similarity_group) == ("a", "b")
+        assert (first.completion_time_group, second.completion_time_group) == ("b", "a")
+
+
 def test_an_interval_ends_where_nothing_can_be() -> None:
     """No similarity above 100, no negative time, however wide the interval."""
     table = result_table([trial("a", lap(1.0, 99.0), run="1"), trial("a", lap(9.0, 100.0), run="2")])
