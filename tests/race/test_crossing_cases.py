@@ -36,11 +36,11 @@ def seen(path: Path, until_s: float, *, sigma_m: float, seed: int, fps: float = 
     return fixes
 
 
-def fix(t_s: float, at_m: PointM, sigma_m: float, **more: float) -> Fix:
+def fix(t_s: float, at_m: PointM, sigma_m: float) -> Fix:
     variance = max(sigma_m, 0.002) ** 2
     return Fix(
         t_ns=round(t_s * 1e9), t_s=t_s, target_id=1, observed_m=at_m, covariance_m2=(variance, 0.0, variance),
-        track_m=at_m, s_m=0.0, d_m=0.0, outside_m=-0.1, progress_m=0.0, **more,
+        track_m=at_m, s_m=0.0, d_m=0.0, outside_m=-0.1, progress_m=0.0,
     )  # fmt: skip
 
 
