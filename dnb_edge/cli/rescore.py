@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 from dnb_edge import wire
 from dnb_edge.cli.rescore_lines import lines_px, other_track, parse_line_options, with_lines
 from dnb_edge.config.faults import explain
-from dnb_edge.config.load import parse_override, set_key
+from dnb_edge.config.load import START_MODE, parse_override, set_key
 from dnb_edge.config.rules import SECTIONS, RuleSet, load_rule_set, with_rules
 from dnb_edge.config.schema import Crossing, Format, Laps, Motion, Penalties, Scoring, Start
 from dnb_edge.config.sections import STRICT, to_settings
@@ -93,14 +93,14 @@ def changed(setup: CoreSetup, wanted: Wanted, recording: Path) -> CoreSetup:
     rules = None
     if wanted.rules is not None:
         rules = load_rule_set(wanted.rules)
-        data |= _under(rules, data)
+        data |= _under(rules, data, dict(map(parse_override, wanted.overrides)).get(START_MODE))
         setup = replace(setup, rules=rules.name, rules_version=rules.version)
     return _with_sections(setup, data, wanted.overrides, rules)
 
 
-def _under(rules: RuleSet, data: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def _under(rules: RuleSet, data: Mapping[str, dict[str, Any]], start_mode: Any) -> dict[str, dict[str, Any]]:
     """The five sections of rules as `rules` has them. What it does not say of scoring stays, since that goes by the track."""
-    given = with_rules({}, rules)
+    given = with_rules({}, rules, start_mode=start_mode)
     sections = {name: wire.to_dict(_PARTS[name][1]()) | given[name] for name in SECTIONS if name != "score"}
     kept = {key: data["race"][key] for key in _KEPT if key not in given["race"]}
     return sections | {"race": sections["race"] | kept, "score": data["score"] | given["score"]}

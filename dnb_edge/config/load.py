@@ -19,6 +19,8 @@ from dnb_edge.config.text import ConfigLoader, KeyPath, parse_lines
 from dnb_edge.errors import InputError
 
 _RULES: KeyPath = ("rules",)
+START_MODE: KeyPath = ("start", "mode")
+"""The key that decides whether a rule set's start is of use."""
 
 
 def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
@@ -50,12 +52,11 @@ def check_config(
     lines = lines or {}
     changes = [parse_override(override) for override in overrides]
     given = {path: override for (path, _), override in zip(changes, overrides, strict=True)}
-    rules_set = [value for path, value in changes if path == _RULES]
-    if rules_set:
-        data = data | {"rules": rules_set[-1]}
+    if _RULES in given:
+        data = data | {"rules": dict(changes)[_RULES]}
     rules = _rule_set(data, base, _where(_RULES, origin, lines, None, given, unknown=False))
     if rules is not None:
-        data = with_rules(data, rules)
+        data = with_rules(data, rules, start_mode=dict(changes).get(START_MODE))
     for (path, value), override in zip(changes, overrides, strict=True):
         set_key(data, path, value, override)
     context: dict[str, Any] = {"base": base}

@@ -89,11 +89,11 @@ def load_rule_set(name: str, base: Path | None = None) -> RuleSet:
     return _checked(Path(f"{name}.yaml"), text, origin=f"rule set {name}")
 
 
-def with_rules(data: dict[str, Any], rules: RuleSet) -> dict[str, Any]:
+def with_rules(data: dict[str, Any], rules: RuleSet, *, start_mode: Any = None) -> dict[str, Any]:
     """The configuration `data` with what `rules` says where it says nothing itself; `data` is left as it is.
 
     Of the penalties each kind is one key: who gives `off_track: {}` gives all of it. A start in another mode than the rule
-    set's takes nothing from its start.
+    set's takes nothing from its start; `start_mode` is that mode where it is not `data` that decides it.
     """
     merged = copy.deepcopy(data)
     for section in SECTIONS:
@@ -103,7 +103,7 @@ def with_rules(data: dict[str, Any], rules: RuleSet) -> dict[str, Any]:
         below = copy.deepcopy(rules.sections.get(section, {}))
         if section == "penalties":
             below = wire.to_dict(PenaltyRules()) | below
-        if section == "start" and own.get("mode", _mode(below)) != _mode(below):
+        if section == "start" and (start_mode or own.get("mode", _mode(below))) != _mode(below):
             below = {}
         merged[section] = below | own
     return merged

@@ -141,8 +141,12 @@ def test_a_part_of_a_penalty_can_be_set_alone_on_the_command_line(path: Path) ->
 
 def test_another_mode_of_start_leaves_the_rule_sets_grid_behind(path: Path) -> None:
     """Or nobody could have its race with a rolling start: its countdown would contradict it."""
-    config = load(path, "rules: laps\nstart: {mode: rolling}\n")
-    assert to_settings(StartRules, config.start) == StartRules()
+    for config in (
+        load(path, "rules: laps\nstart: {mode: rolling}\n"),
+        load(path, "rules: laps\n", "start.mode=rolling"),
+    ):
+        assert to_settings(StartRules, config.start) == StartRules()
+    assert load(path, "", "rules=laps", "start.mode=grid").start.random_s == 2.0
 
 
 @pytest.mark.parametrize("name", PRESETS)
