@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from dnb_edge.errors import WorkError
 from dnb_edge.report.files import write_whole
 from dnb_edge.report.truth import render_certificate
-from dnb_edge.truth.campaign import Plan, Unit, run_campaign, units
+from dnb_edge.truth.campaign import Plan, Unit, results_folder, run_campaign, units
 from dnb_edge.truth.certificate import FULL_LAPS, FULL_RENDERED_LAPS, FULL_TRIALS, certificate
 
 CERTIFICATE_JSON = "certificate.json"
@@ -80,6 +80,7 @@ def truth(
 
 def _with_progress(plan: Plan, directory: Path, jobs: int, console: Console) -> dict[str, list[dict[str, Any]]]:
     total = sum(unit.work for unit in units(plan))
+    results_folder(directory)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True) as progress:
         task = progress.add_task("Driving", total=total)

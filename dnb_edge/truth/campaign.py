@@ -133,11 +133,7 @@ def run_campaign(
     `done` is told of each finished unit, those from before included. Where it is interrupted, what is finished
     stays. Raises `InputError` where `directory` cannot be used, `WorkError` where a process dies.
     """
-    folder = directory / DRIVES_FOLDER
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: the results cannot be kept there: {error.strerror}") from error
+    folder = results_folder(directory)
     code, model = code_sha256(), model_sha256()
     found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     due = []
@@ -155,6 +151,16 @@ def run_campaign(
         found.setdefault(unit.name, []).append((unit.number, json.loads(text)["result"]))
         done(unit)
     return {name: [result for _, result in sorted(some, key=lambda one: one[0])] for name, some in found.items()}
+
+
+def results_folder(directory: Path) -> Path:
+    """The folder for the units' results, made if missing. Raises `InputError` where it cannot be."""
+    folder = directory / DRIVES_FOLDER
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: the results cannot be kept there: {error.strerror}") from error
+    return folder
 
 
 def _results(due: Sequence[Unit], jobs: int) -> Iterator[tuple[Unit, dict[str, Any]]]:

@@ -99,9 +99,13 @@ def _count(case: CountCase, trials: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _judged(scenario: Scenario, figures: Mapping[str, Any], full: Plan) -> list[dict[str, Any]]:
-    """Each limit of a scenario with what came of it. A figure that could not be had does not hold."""
-    return [
-        _row(
+    """Each limit of a scenario with what came of it. A figure that could not be had does not hold.
+
+    Of fewer laps than a certificate needs the coverage itself says little: it holds unless its interval lies outside them.
+    """
+    rows = []
+    for limit in scenario.limits:
+        row = _row(
             name=scenario.name,
             title=scenario.title,
             kind=scenario.kind,
@@ -111,8 +115,11 @@ def _judged(scenario: Scenario, figures: Mapping[str, Any], full: Plan) -> list[
             laps=figures["laps"],
             wanted_laps=scenario_laps(scenario, full),
         )
-        for limit in scenario.limits
-    ]
+        if limit.figure == "coverage_percent" and limit.least is not None and not row["enough_laps"]:
+            low, high = figures["coverage_low_percent"], figures["coverage_high_percent"]
+            row["holds"] = low is not None and low <= limit.most and high >= limit.least
+        rows.append(row)
+    return rows
 
 
 def _row(

@@ -21,6 +21,7 @@ from dnb_edge.truth.statistics import (
     reliability,
     repeated_share,
     window_variance_ratio,
+    without_place,
 )
 
 Drives = Sequence[dict[str, Any]]
@@ -179,5 +180,17 @@ def _detector_figures(drives: Drives, fps: float) -> dict[str, Any] | None:
             "window_frames": frames,
             "window_variance_ratio": window_variance_ratio(correlations, frames),
             "repeated_share": repeated_share(series),
+            "rest": _rest(series, frames),
         }
     return result
+
+
+def _rest(series: Sequence[ErrorSeries], frames: int) -> dict[str, Any]:
+    """The part of the errors that does not come again at the same place of the next lap: what a lap time feels."""
+    rest = without_place(series)
+    correlations = correlation(rest)
+    return {
+        "z_rms": _rms([value for one in rest for value in one.z.tolist()]),
+        "autocorrelation": correlations,
+        "window_variance_ratio": window_variance_ratio(correlations, frames),
+    }

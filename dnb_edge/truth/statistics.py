@@ -41,7 +41,8 @@ def wilson(share: float, count: float, z: float = Z95) -> tuple[float, float]:
         return 0.0, 1.0
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = z / (1 + z * z / count) * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    return max(0.0, middle - half), min(1.0, middle + half)
+    # At the ends the formula meets the share itself but for rounding.
+    return max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half))
 
 
 def clustered_share(drives: Sequence[Sequence[bool]]) -> Share | None:
@@ -128,6 +129,24 @@ def correlation(series: Sequence[ErrorSeries], lags: int = LAGS) -> list[float |
         return [None] * lags
     variance = squares / count
     return [float(s / n / variance) if n else None for s, n in zip(sums.tolist(), pairs.tolist(), strict=True)]
+
+
+def without_place(series: Sequence[ErrorSeries], cell_m: float = 0.05) -> list[ErrorSeries]:
+    """What is left of each drive's errors when the mean of their place is taken away, made larger by what that mean has itself
+    taken of chance: this part differs from lap to lap. Cells with one frame tell nothing and are left out.
+    """
+    rest = []
+    for one in series:
+        cells = (
+            np.unique(np.floor(one.place_m / cell_m), return_inverse=True)[1] if len(one.z) else np.zeros(0, np.intp)
+        )
+        counts = np.bincount(cells)
+        means = np.bincount(cells, weights=one.z) / np.maximum(counts, 1)
+        several = counts[cells] > 1
+        share = np.sqrt(counts[cells] / np.maximum(counts[cells] - 1, 1))
+        left = (one.z - means[cells]) * share
+        rest.append(ErrorSeries(frame=one.frame[several], place_m=one.place_m[several], z=left[several]))
+    return rest
 
 
 def repeated_share(series: Sequence[ErrorSeries], cell_m: float = 0.05) -> float | None:
