@@ -212,8 +212,8 @@ class _Likeness:
         self._compare()
         if self._table.points == 0:
             return None
-        # Points that wait are not yet compared; the filter's place and the path's end are a little apart.
-        middle = share * (len(self._route) - 1) - self._arm
+        # The filter's place and the end of what is compared are a little apart.
+        middle = share * (len(self._route) - 1)
         around = NEAR_M / self._spacing_m
         first, last = max(0, math.floor(middle - around)), min(len(self._route) - 1, math.ceil(middle + around))
         distances_m = self._table.to(first, last)

@@ -191,7 +191,7 @@ class Score:
     """The metric behind `similarity_percent`: `dtw` or `frechet`."""
     similarity_percent: float
     dtw_mean_m: float
-    """DTW distance divided by the number of points of the route, metres."""
+    """DTW distance divided by the number of points of the route, metres; with `score.symmetric`, of path and route."""
     frechet_m: float
     clamp_m: float | None
     baseline_m: float

@@ -168,6 +168,45 @@ def test_at_a_laps_end_the_running_similarity_is_the_laps_score(
         assert last.similarity_percent == pytest.approx(score.similarity_percent, abs=1.0)
 
 
+def test_how_late_a_laps_beginning_is_told_changes_nothing() -> None:
+    """A crossing may be confirmed a tenth of a second or two seconds after its instant: what is told then is the same."""
+    lap = next(demo_laps(demo_drive(1), Camera(noise_m=0.004)))
+    start = crossing(lap.lap.start_t_ns * 1e-9, lap.path_m[0])
+    fixes = fixes_at(*seen(demo_drive(1), Camera(noise_m=0.004)))
+
+    def rows(late_s: float) -> dict[int, Running]:
+        live = LiveLap(demo_track(), ScoreSettings(), period_s=EACH_FIX_S)
+        live.finished(lap)
+        return {
+            row.t_ns: row for row in told(live, fixes, start, lap=1, late_s=late_s) if row.elapsed_s < lap.lap.time_s
+        }
+
+    soon, late = rows(0.1), rows(2.0)
+    assert 100 < len(late) < len(soon)
+    for t_ns, row in late.items():
+        assert row.similarity_percent == pytest.approx(soon[t_ns].similarity_percent, abs=1e-9)
+        assert replace(row, similarity_percent=None) == replace(soon[t_ns], similarity_percent=None)
+
+
+def test_a_restless_path_does_not_lower_the_running_similarity_by_its_length() -> None:
+    """A slow car seen with much noise has a path half as long again as the route: told as it is scored, within two points of a
+    scale ten times as fine as usual."""
+    track, random = straight(), np.random.default_rng(3)
+    t_s = np.arange(0.0, 4.0 / 0.3, 1 / 60)
+    points = np.column_stack([0.3 * t_s, np.zeros(len(t_s))]) + random.normal(0.0, 0.005, (len(t_s), 2))
+    fixes = fixes_at(t_s, points, track)
+    start, end = crossing(0.5 / 0.3, (0.5, 0.0)), crossing(3.5 / 0.3, (3.5, 0.0), FINISH_LINE)
+    lap = lap_of(fixes, start, end)
+    for rules in (ScoreSettings(baseline_m=0.05), ScoreSettings(baseline_m=0.05, symmetric=True)):
+        score = score_lap(
+            np.array(lap.path_m), track.centreline, rules, lap=1, completion_time_s=1.0, lap_route_m=track.lap_route_m()
+        )
+        assert score.path_length_m > 1.5 * score.route_length_m
+        rows = told(LiveLap(track, rules, period_s=EACH_FIX_S), fixes, start, lap=1)
+        last = next(row for row in reversed(rows) if row.t_s < end.t_s)
+        assert last.similarity_percent == pytest.approx(score.similarity_percent, abs=2.0)
+
+
 def test_of_too_short_a_way_there_is_no_similarity() -> None:
     """In the first twentieth of a lap it is not told, then it is; without a score it never is."""
     fixes, _, start = straight_lap(1.0)
