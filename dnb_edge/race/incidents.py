@@ -7,6 +7,7 @@ need no more than where the car is: lost, lifted, stalled, wrong way. `off_track
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 from dnb_edge.race.fix import Fix
@@ -16,8 +17,8 @@ from dnb_edge.values import Crossing, Incident, IncidentKind
 STILL_M = 0.05
 """A car that stays within this distance of a place stands there, metres: more than the scatter of one that is parked."""
 
-_SLOWLY = 0.2
-"""Weight of the latest step in the running mean of the speed."""
+_STEPS = 3
+"""So many steps in a row must be as fast for the car to be that fast: a hand, or a false detection, makes one or two."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +78,7 @@ class Pace:
 
     def __init__(self, lifted_m: float) -> None:
         self._lifted_m = lifted_m
-        self._mean_mps = 0.0
+        self._speeds_mps: deque[float] = deque(maxlen=_STEPS)
         self._fastest_mps = 0.0
         self._rest: Fix | None = None
         self.last: Fix | None = None
@@ -89,9 +90,10 @@ class Pace:
             self._rest = fix
         step = self.peek(fix)
         self.last = fix
-        if not step.lifted and step.dt_s > 0.0:
-            self._mean_mps += _SLOWLY * (step.moved_m / step.dt_s - self._mean_mps)
-            self._fastest_mps = max(self._fastest_mps, self._mean_mps)
+        if step.dt_s > 0.0:
+            self._speeds_mps.append(step.moved_m / step.dt_s)
+            if len(self._speeds_mps) == _STEPS:
+                self._fastest_mps = max(self._fastest_mps, min(self._speeds_mps))
         return step
 
     def peek(self, fix: Fix) -> Step:

@@ -228,6 +228,17 @@ def test_a_car_is_lifted_that_comes_back_further_than_it_can_have_driven(
     assert pace.last is last
 
 
+@pytest.mark.parametrize(("fps", "speed_mps"), [(30, 1.0), (5, 3.0), (60, 0.1)])
+def test_a_car_is_as_fast_as_three_steps_in_a_row_show(fps: int, speed_mps: float) -> None:
+    """A fast car at a slow frame rate is no hand, from its fourth fix on; one false detection makes it no faster."""
+    pace = Pace(LapRules().lifted_m)
+    found = [pace.step(fix(k / fps, speed_mps * k / fps)).lifted for k in range(10)]
+    assert not any(found[4:])
+    pace.step(fix(10 / fps, speed_mps * 10 / fps + 3.0))
+    pace.step(fix(11 / fps, speed_mps * 11 / fps))
+    assert pace.step(fix(12 / fps, speed_mps * 12 / fps)).can_m == pytest.approx(speed_mps / fps)
+
+
 def test_what_goes_on_when_a_lap_ends_is_told_with_it_and_again_with_the_next() -> None:
     """Out of the lane from 0.7 rad before the line to 0.7 rad behind it: each lap has its own half."""
     told = drive(

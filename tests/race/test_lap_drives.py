@@ -191,6 +191,13 @@ def test_lifted_and_replaced(from_share: float, to_share: float, expected: str, 
     assert all(one.incidents == () for one in laps_of(told)[2:])
 
 
+def test_a_car_that_is_carried_over_the_line_is_lifted_in_both_laps() -> None:
+    """Neither was driven whole; each incident lies in its own lap."""
+    first, second, *_ = laps_of(drive(TRACK, carried(0.95, 1.1, 0.07), seconds=11))
+    assert [kinds_of(first), kinds_of(second)] == [[IncidentKind.LIFTED]] * 2
+    assert first.incidents[0].start_t_ns < first.lap.end_t_ns == second.incidents[0].start_t_ns
+
+
 @pytest.mark.parametrize(
     ("from_share", "to_share", "expected"),
     [

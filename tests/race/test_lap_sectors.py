@@ -10,6 +10,7 @@ import pytest
 from race_drive import SCALE, at, drive, incidents_of, laps_of, ring
 
 from dnb_edge.errors import InputError
+from dnb_edge.race.rules import LapRules
 from dnb_edge.race.sectors import SectorPlan, Sectors, check_lines
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.line import DirectedLine, line_across
@@ -85,6 +86,22 @@ def test_a_sector_line_that_was_missed_is_told_at_the_next() -> None:
     assert isinstance(before, Crossing)
     assert before.line == "sector 3"
     assert second.incidents == ()
+
+
+@pytest.mark.parametrize(
+    ("missing", "told_after"), [((3,), ["start"]), ((1, 3), ["sector 2", "start"]), ((1, 2, 3), ["start"] * 3)]
+)
+def test_each_missed_line_is_told_once(missing: tuple[int, ...], told_after: list[str]) -> None:
+    """At the next line that is crossed, the end of the lap at the latest."""
+    passes_s = [(0.6 + k * ROUND / 4) / W for k in missing]
+    wide = lambda t: at(-0.6 + W * t, 1.25 if any(abs(t - one) < 0.2 for one in passes_s) else 1.0)  # noqa: E731
+    told = drive(TRACK, wide, seconds=7, rules=LapRules(off_lane_s=1.0))
+    incidents = incidents_of(told)
+    assert [one.text.split("'")[1] for one in incidents] == [f"sector {k}" for k in missing]
+    last = [[one for one in told[: told.index(incident)] if isinstance(one, Crossing)][-1] for incident in incidents]
+    assert [one.line for one in last] == told_after
+    (driven,) = laps_of(told)
+    assert driven.incidents == tuple(incidents)
 
 
 def test_a_sector_line_crossed_forward_back_and_forward_counts_at_first() -> None:

@@ -326,6 +326,40 @@ def test_fixes_that_were_looked_at_too_early_belong_to_the_lap_in_which_they_lie
     assert second.incidents == ()
 
 
+def test_what_began_after_a_crossing_that_was_told_late_belongs_to_the_next_lap() -> None:
+    """The car leaves the lane at 11 s; that the lap had ended at 10.05 s is told at 14 s."""
+    machine = machine_of()
+    machine.crossed(crossing(0.05))
+    for k in range(1, 201):
+        machine.frame(k * 100_000_000)
+        machine.fix(fix(k / 10, k / 10, 0.3 if 110 <= k <= 150 else -0.1))
+        if k == 140:
+            machine.settle(round(14e9))
+            first = lap_of(machine.crossed(crossing(10.05)))
+    second = lap_of(machine.crossed(crossing(20.0)))
+    assert first is not None
+    assert second is not None
+    assert first.incidents == ()
+    (incident,) = second.incidents
+    assert (incident.kind, incident.start_s) == (IncidentKind.OFF_TRACK, 11.0)
+    assert incident.lasted_s == pytest.approx(4.0)
+
+
+def test_the_latest_fix_waits_for_the_next_one() -> None:
+    """A crossing may come to lie just before the fix that was not through the line yet: every frame is in its own lap."""
+    machine = machine_of()
+    laps = []
+    due_s = [0.05, 9.98, 19.98]
+    for k in range(203):
+        machine.frame(k * 100_000_000)
+        machine.fix(fix(k / 10, k / 10))
+        if due_s and k / 10 >= due_s[0] + 0.05:
+            laps += [one for one in machine.crossed(crossing(due_s.pop(0))) if isinstance(one, DrivenLap)]
+        machine.settle(k * 100_000_000)
+    assert [one.lap.observed_fraction for one in laps] == [1.0, 1.0]
+    assert [(one.fixes[0].t_s, one.fixes[-1].t_s) for one in laps] == [(0.1, 9.9), (10.0, 19.9)]
+
+
 @pytest.mark.parametrize("bad", [{"laps": 0}, {"min_progress": 1.5}, {"max_gap_s": 0.0}, {"min_lap_s": -1.0}])
 def test_rules_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
     """Each impossible rule is an error at once."""
