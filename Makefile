@@ -53,9 +53,11 @@ train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see 
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
 
-aarch64-check: .venv/.test-installed ## The model's answers here and on a Pi's processors, emulated (Linux, root, minutes)
+aarch64-check: .venv/.test-installed ## The model's answers and the race's numbers here and on a Pi's processors, emulated (Linux, root, minutes)
 	$(call say,tests/system/aarch64_output.py)
 	@$(BIN)/python tests/system/aarch64_output.py $(AARCH64_FLAGS)
+	$(call say,tests/system/aarch64_core.py)
+	@$(BIN)/python tests/system/aarch64_core.py $(AARCH64_FLAGS)
 
 lock: ## Resolve all dependencies anew into constraints.txt
 	@.ci/lock
