@@ -109,11 +109,14 @@ def _plain(value: object) -> Any:
 def _reader(cls: Any) -> Read:
     """What makes an instance of the dataclass `cls` of a dict: the types are looked at here, once, and not for each value."""
     readers = {name: _reader_of(kind) for name, kind in _field_types(cls).items()}
-    names = tuple(readers)
+    names = readers.keys()
     typed = tuple((name, read) for name, read in readers.items() if read is not None)
 
     def read_instance(data: Any) -> Any:
-        known = {name: data[name] for name in names if name in data}
+        if isinstance(data, dict) and data.keys() == names:
+            known = data.copy()
+        else:
+            known = {name: data[name] for name in names if name in data}
         for name, read in typed:
             if name in known:
                 known[name] = read(known[name])
