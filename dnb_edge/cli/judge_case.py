@@ -149,7 +149,8 @@ def before_and_after(before: Marshalled, after: Marshalled) -> Table:
         name = str(number) if cars == 1 else f"{number} of car {car}"
         table.add_row(name, _words(was.get((car, number))), _words(will.get((car, number))))
     same = len({*was, *will}) - len(changed)
-    table.add_row("", f"{same} other laps" if changed else f"{same} laps", "as before")
+    if same:
+        table.add_row("", f"{same} {'other ' if changed else ''}lap{'' if same == 1 else 's'}", "as before")
     table.add_row("all", _sum(before), _sum(after))
     return table
 
@@ -185,6 +186,8 @@ def lap_words(lap: Lap) -> str:
         words.append(f"+ {lap.penalty_s:g} s = {lap.official_time_s:.3f} s")
     if lap.penalty_factor != 1:
         words.append(f"score x {lap.penalty_factor:g}")
+    if any(penalty.dnf for penalty in lap.penalties):
+        words.append("DNF")
     if not lap.valid:
         words.append("NOT VALID: " + printable("; ".join(lap.reasons)))
     return ", ".join(words)

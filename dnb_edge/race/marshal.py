@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from dnb_edge.errors import InputError
 from dnb_edge.race.crossing import lap_sigma_s
-from dnb_edge.race.edit import JUDGE, Action, AddedLap, Edit, LapKey, undone
+from dnb_edge.race.edit import Action, AddedLap, Edit, LapKey, undone
 from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
 
 SAME_LAP = 2 / 3
@@ -393,7 +393,7 @@ def _with_penalties(lap: Lap, penalties: Sequence[Penalty], reasons: Sequence[st
 def _not_to_forgive(one: MarshalledLap, edit: Edit) -> str | None:
     """Why there is nothing to forgive; None where there is."""
     lap = one.lap
-    offences = sorted({penalty.offence for penalty in lap.penalties if penalty.offence != JUDGE})
+    offences = sorted({penalty.offence for penalty in lap.penalties})
     if edit.offence is None:
         return None if offences or not lap.valid else f"{_name(lap)} has no penalty of the rules, and is valid"
     if edit.offence in offences:

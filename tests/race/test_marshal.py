@@ -109,6 +109,12 @@ def test_merged_laps_are_one_from_the_first_start_to_the_second_end():
     assert (one.lap.valid, one.lap.penalties, one.lap.official_time_s) == (False, (OFF, SLOW), 13.0)
 
 
+def test_without_the_crossings_a_merged_lap_has_the_sigma_of_both():
+    """In recordings that lack them: never less than it can be."""
+    after = apply(LAPS, [edit(1, Action.MERGE, LAPS[2], LAPS[3])])
+    assert next(one for one in after.kept if one.number == 3).sigma_s == pytest.approx(0.002 * 2**0.5)
+
+
 def test_a_sector_whose_line_was_not_crossed_in_its_turn_has_no_time_in_a_merged_lap():
     """Neither it nor the next gets one, and the others keep theirs."""
     sectors = tuple(SectorTime(number=n, line=line, time_s=1.0, sigma_s=0.1) for n, line in enumerate("abcS", start=1))

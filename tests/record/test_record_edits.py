@@ -1,5 +1,6 @@
 """The file of a judge's edits: it only grows, says when it was touched, and belongs to one recording."""
 
+import fcntl
 import json
 import os
 import threading
@@ -171,6 +172,17 @@ def test_two_judges_at_once_lose_nothing(tmp_path):
     for one in judges:
         one.join()
     assert [one.number for one in read_edits(recording, ME).edits] == list(range(1, 41))
+
+
+def test_nobody_else_has_the_lock_meanwhile(tmp_path):
+    """Another judge, of whatever process, waits until the first is done."""
+    descriptor = os.open(tmp_path, os.O_RDONLY)
+    try:
+        with locked(tmp_path / "run.mcap"), pytest.raises(BlockingIOError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    finally:
+        os.close(descriptor)
 
 
 def test_a_disk_that_fails_is_told(tmp_path):
