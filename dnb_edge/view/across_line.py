@@ -22,14 +22,15 @@ def across_sigma_m(ground: GroundMap, covariance: Covariance9, line: DirectedLin
 
     The root of the mean variance over places spread along the line: f J C J^T f^T, with f the unit vector across the line, J
     `place_jacobian` and C the covariance of `ground.camera_to_twin` in its scale (see `Calibration.covariance_m2`). 0 where the
-    camera sees nothing of the line: then nobody crosses it either.
+    picture shows nothing of the line: then nobody crosses it either.
     """
     (x0, y0), (x1, y1) = line.start_m, line.end_m
     shares = np.linspace(0.0, 1.0, _PLACES).tolist()
+    pixels = [ground.point_to_camera_px((x0 + share * (x1 - x0), y0 + share * (y1 - y0))) for share in shares]
     seen = [
         px
-        for share in shares
-        if (px := ground.point_to_camera_px((x0 + share * (x1 - x0), y0 + share * (y1 - y0)))) is not None
+        for px in pixels
+        if px is not None and -0.5 <= px[0] <= ground.width_px - 0.5 and -0.5 <= px[1] <= ground.height_px - 0.5
     ]
     if not seen:
         return 0.0

@@ -16,6 +16,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.values import Clock, SourceInfo
+from dnb_edge.view.across_line import across_sigma_m
 from dnb_edge.view.calibration import Calibration, CalibrationMethod
 from dnb_edge.view.homography import calibration_error, fit_ground_map
 from dnb_edge.view.pose import find_pose
@@ -132,3 +133,23 @@ def test_a_box_above_the_floor_asks_for_the_cameras_place(demo: Path) -> None:
     assert assemble(raised, INFO).setup.ground.camera_m == pytest.approx((1.5, -0.42, 2.2), abs=0.01)
     with pytest.raises(InputError, match="point_height_m: only for a model that Ultralytics exported"):
         check_detector(raised.detector)
+
+
+def test_keypoints_tell_how_far_a_line_may_be_out_of_its_place(demo: Path) -> None:
+    """Without a calibration file the map's covariance is that of the keypoints' weighted fit, in the map's own scale and for
+    the frames' own size: exact keypoints leave a few millimetres across the start line, at any size of frame."""
+    half = replace(INFO, width_px=640, height_px=360)
+    sigmas_m = []
+    for info in (INFO, half):
+        setup = assemble(load_config(demo), info).setup
+        assert setup.map_covariance is not None
+        sigmas_m.append(across_sigma_m(setup.ground, setup.map_covariance, setup.track.start_line))
+    assert 0.0002 < sigmas_m[0] < 0.01
+    assert sigmas_m[1] == pytest.approx(sigmas_m[0], rel=1e-6)
+
+
+def test_a_calibration_without_covariance_tells_nothing_of_the_kind(demo: Path) -> None:
+    """None stays none; the row time comes from the configuration, in microseconds."""
+    setup = assemble(calibrated(demo, "view.yaml", "capture.row_us=40"), INFO).setup
+    assert setup.map_covariance is None
+    assert setup.row_s == pytest.approx(40e-6)

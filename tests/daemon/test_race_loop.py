@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 from played import Camera, Clip, Panel, Watcher, frame, info, wait_until
 
@@ -22,7 +23,7 @@ from dnb_edge.display.base import DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig
-from dnb_edge.values import Event, Frame, FrameDetections, Health, RunSummary
+from dnb_edge.values import Event, Frame, FrameDetections, Health, RunSummary, StampSource
 
 
 @dataclass
@@ -31,9 +32,11 @@ class Diary:
 
     events: list[Event] = field(default_factory=list)
     warnings: tuple[str, ...] = ()
+    stamp_sources: set[StampSource | None] = field(default_factory=set)
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:
-        """Frames are not kept."""
+        """Frames are not kept, but for what their detections say of their stamps."""
+        self.stamp_sources.add(found.stamp_source)
 
     def event(self, event: Event) -> None:
         self.events.append(event)
@@ -99,6 +102,14 @@ def test_a_run_ends_with_its_source(track: Track) -> None:
     assert summary == RunSummary(frames=120, detected_frames=0, laps=0, recording=None)
     assert [(health.t_s, health.frames) for health in track.diary.healths] == [(1.0, 101), (pytest.approx(1.19), 120)]
     assert all(health.display == "online" for health in track.diary.healths)
+
+
+def test_detections_tell_what_their_stamp_stands_for(track: Track) -> None:
+    """Whatever the detector, blind pictures included: the race and a recording know what every frame's stamp means."""
+    black = np.zeros((36, 64, 3), dtype=np.uint8)
+    with FrameFeed(Clip([frame(0), frame(1), frame(2, bgr=black)]), never) as feed:
+        track.race(feed).run()
+    assert track.diary.stamp_sources == {StampSource.MEDIA}
 
 
 def test_an_error_in_the_capture_thread_ends_the_run(track: Track) -> None:
