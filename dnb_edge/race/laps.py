@@ -96,7 +96,7 @@ class LapMachine:
         lap = self._lap
         if lap is None or self._state not in RUNNING:
             return None
-        return RunningLap(number=lap.number, start=lap.start, state=self._state)
+        return RunningLap(number=lap.number, start=lap.start, state=self._state, driven_m=lap.driven_m)
 
     @property
     def trace(self) -> Sequence[Fix]:

@@ -79,6 +79,8 @@ class RunningLap:
     number: int
     start: Crossing
     state: LapState
+    driven_m: float
+    """Metres of its route that the car has driven along; what it drove twice counts once."""
 
     def elapsed_s(self, t_ns: int) -> float:
         """Seconds since its start."""
