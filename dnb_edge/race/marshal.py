@@ -6,14 +6,13 @@ and edits; knows no file and no path similarity (a lap that a judge made has non
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from dnb_edge.errors import InputError
-from dnb_edge.race.crossing import lap_sigma_s
-from dnb_edge.race.edit import Action, AddedLap, Edit, LapKey, undone
-from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
+from dnb_edge.race.edit import Action, Edit, LapKey, undone
+from dnb_edge.race.mended import added_lap, merged_lap, priced
+from dnb_edge.values import Crossing, Lap
 
 SAME_LAP = 2 / 3
 """Laps that share more of their time than this are the same lap: a line may move by a fifth of a lap, and neither half of a lap
@@ -178,7 +177,7 @@ class _Sheet:
         number = key.number
         if any((lap.car, lap.number) == (key.car, number) for lap in self._raw):
             number = self._highest + edit.number
-        self._insert(MarshalledLap(lap=self._made(edit.added, number), raw=(), edits=(edit,)))
+        self._insert(MarshalledLap(lap=added_lap(edit.added, number, self._crossings), raw=(), edits=(edit,)))
         return None
 
     def remove(self, edit: Edit) -> str | None:
@@ -203,7 +202,7 @@ class _Sheet:
         self.laps.remove(second)
         self._insert(
             MarshalledLap(
-                lap=self._merged(first.lap, second.lap),
+                lap=merged_lap(first.lap, second.lap, self._crossings),
                 raw=(*first.raw, *second.raw),
                 edits=(*first.edits, *second.edits, edit),
             )
@@ -246,86 +245,6 @@ class _Sheet:
     def _insert(self, one: MarshalledLap) -> None:
         self.laps.append(one)
         self.laps.sort(key=_in_order)
-
-    def _made(self, added: AddedLap, number: int) -> Lap:
-        key = added.key
-        time_s = (key.end_t_ns - key.start_t_ns) * 1e-9
-        driver = min(
-            (crossing for crossing in self._crossings if crossing.car == key.car),
-            key=lambda crossing: abs(crossing.t_ns - key.end_t_ns),
-            default=None,
-        )
-        return Lap(
-            number=number,
-            start_t_ns=key.start_t_ns,
-            end_t_ns=key.end_t_ns,
-            start_s=added.start_s,
-            time_s=time_s,
-            sigma_s=added.sigma_s,
-            valid=True,
-            reasons=(),
-            similarity_percent=None,
-            observed_fraction=0.0,
-            target_id=None if driver is None else driver.target_id,
-            car=key.car,
-            official_time_s=time_s,
-        )
-
-    def _merged(self, first: Lap, second: Lap) -> Lap:
-        ends = self._at(first.start_t_ns, first.car), self._at(second.end_t_ns, first.car)
-        time_s = (second.end_t_ns - first.start_t_ns) * 1e-9
-        sigma_s, estimated = math.hypot(first.sigma_s, second.sigma_s), first.estimated or second.estimated
-        if ends[0] is not None and ends[1] is not None:
-            sigma_s = lap_sigma_s(ends[0], ends[1])
-            estimated = ends[0].estimated or ends[1].estimated
-        reasons = tuple(dict.fromkeys((*first.reasons, *second.reasons)))
-        merged = replace(
-            first,
-            end_t_ns=second.end_t_ns,
-            time_s=time_s,
-            sigma_s=sigma_s,
-            valid=not reasons,
-            reasons=reasons,
-            similarity_percent=None,
-            observed_fraction=(first.observed_fraction * first.time_s + second.observed_fraction * second.time_s)
-            / time_s,
-            target_id=second.target_id,
-            suspect=tuple(dict.fromkeys((*first.suspect, *second.suspect))),
-            sectors=self._sectors(first, second),
-            estimated=estimated,
-        )
-        return _with_penalties(merged, (*first.penalties, *second.penalties), reasons)
-
-    def _at(self, t_ns: int, car: int) -> Crossing | None:
-        return next((one for one in self._crossings if (one.t_ns, one.car) == (t_ns, car)), None)
-
-    def _sectors(self, first: Lap, second: Lap) -> tuple[SectorTime, ...]:
-        """The merged lap's sectors: each line's first forward crossing after the line before it."""
-        lines = [sector.line for sector in first.sectors[:-1]]
-        before = self._at(first.start_t_ns, first.car)
-        sectors = []
-        for number, sector in enumerate(first.sectors, start=1):
-            after = (
-                self._at(second.end_t_ns, first.car) if number > len(lines) else self._next(sector.line, first, second)
-            )
-            time_s = sigma_s = None
-            if before is not None and after is not None and before.t_ns < after.t_ns:
-                time_s = (after.t_ns - before.t_ns) * 1e-9
-                sigma_s = lap_sigma_s(before, after)
-            sectors.append(SectorTime(number=number, line=sector.line, time_s=time_s, sigma_s=sigma_s))
-            before = after
-        return tuple(sectors)
-
-    def _next(self, line: str, first: Lap, second: Lap) -> Crossing | None:
-        return next(
-            (
-                one
-                for one in self._crossings
-                if (one.line, one.car, one.direction) == (line, first.car, Direction.FORWARD)
-                and first.start_t_ns < one.t_ns < second.end_t_ns
-            ),
-            None,
-        )
 
 
 _DOERS: dict[Action, Callable[[_Sheet, Edit], str | None]] = {
@@ -374,20 +293,7 @@ def _decided(lap: Lap, edits: Sequence[Edit]) -> Lap:
         penalties.append(edit.penalty)
         if edit.penalty.invalid:
             reasons.append(f"{edit.reason} (judge {edit.author})")
-    return _with_penalties(lap, penalties, reasons)
-
-
-def _with_penalties(lap: Lap, penalties: Sequence[Penalty], reasons: Sequence[str]) -> Lap:
-    penalty_s = math.fsum(penalty.seconds for penalty in penalties)
-    return replace(
-        lap,
-        valid=not reasons,
-        reasons=tuple(reasons),
-        penalties=tuple(penalties),
-        penalty_s=penalty_s,
-        penalty_factor=math.prod((penalty.factor for penalty in penalties), start=1.0),
-        official_time_s=lap.time_s + penalty_s,
-    )
+    return priced(lap, penalties, reasons)
 
 
 def _not_to_forgive(one: MarshalledLap, edit: Edit) -> str | None:

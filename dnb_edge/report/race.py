@@ -1,10 +1,11 @@
-"""The race's part of a run's page: standings, sectors and incidents with their pictures, as HTML.
+"""The race's part of a run's page: standings, a judge's decisions, sectors and incidents with their pictures, as HTML.
 
 Knows a `RunResult`; whatever came from a user or a file is escaped by `report.markup`. Knows no recording.
 """
 
 from __future__ import annotations
 
+from dnb_edge.report.judged import judged
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.run import RunResult
 from dnb_edge.values import Incident, Lap, SectorTime, Standing
@@ -16,6 +17,7 @@ def race_sections(result: RunResult) -> str:
     """All sections that have something to show, in order; empty where there is none."""
     parts = [
         ("Standings", _standings(result)),
+        ("A judge's decisions", judged(result.marshalled, result.edits)),
         ("Sectors", _sectors(result)),
         ("Incidents", _incidents(result)),
     ]

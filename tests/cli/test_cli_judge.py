@@ -21,6 +21,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.rules import CarSetup, LapRules
 from dnb_edge.record.edits import edits_path
+from dnb_edge.report.race import race_sections
 
 CAR = Car((3.0, 3.1, 2.9, 3.2))
 WHY = ("--because", "a hand", "--by", "Ada")
@@ -299,13 +300,20 @@ def test_the_list_comes_as_json_lines(run: Path) -> None:
 
 
 def test_reports_get_edited_and_raw_laps(run: Path) -> None:
-    """`replay(...).result()` has the laps that count, those of the race, and the edits; without edits it is as ever."""
+    """`replay(...).result()` has the laps that count, those of the race, and the edits; the page shows all, escaped."""
     assert (replay(run).result().raw_laps, replay(run).result().marshalled) == ((), None)
     done("judge", "remove", run, "--lap", 2, *WHY)
     result = replay(run).result()
     assert ([lap.number for lap in result.laps], [lap.number for lap in result.raw_laps]) == ([1, 3, 4], [1, 2, 3, 4])
     assert [edit.author for edit in result.edits] == ["Ada"]
     assert len(result.paths_m) == 3
+    assert "decisions" not in race_sections(replay(run, edits=False).result())
+    page = race_sections(result)
+    assert page.count("removed: lap 2, 3.0") == 1
+    assert "<td>Ada</td><td>remove lap 2</td><td>a hand</td>" in page
+    done("judge", "note", run, "--text", "<b>wind</b>", "--by", "<i>")
+    page = race_sections(replay(run).result())
+    assert "<td>&lt;i&gt;</td><td>note the run</td><td>&lt;b&gt;wind&lt;/b&gt;</td>" in page
 
 
 def test_an_export_shows_edited_and_raw_laps(race: Race, tmp_path: Path) -> None:
