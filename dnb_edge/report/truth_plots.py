@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from dnb_edge.report.picture import PictureFormat, encoded
 
@@ -50,6 +51,7 @@ def _histogram(axes: Axes, scenario: Mapping[str, Any]) -> None:
         edges = np.linspace(-reach, reach, len(counts) + 1)
         axes.stairs(counts, edges, fill=True, color=_colour(scenario), alpha=0.85)
         axes.axvline(0.0, color=_INK, linewidth=0.7)
+        axes.set_ylim(0.0, 1.5 * max(counts))
         note = f"{figures['told']} laps\np95 {figures['p95_ms']:.2f} ms"
         axes.text(0.98, 0.94, note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=_FAINT)
     axes.set_xlim(-reach, reach)
@@ -88,6 +90,7 @@ def trust_picture(scenarios: Shown, levels: Sequence[float], *, picture_format: 
         right.plot((low, high), (low, high), color=_INK, linewidth=1.2)
         right.set_xscale("log")
         right.set_yscale("log")
+        _plain_ticks(right)
         right.legend(frameon=False, fontsize=9, loc="upper left")
     right.set_xlabel("stated sigma of a lap (ms)", color=_INK)
     right.set_ylabel("error that came of it, rms (ms)", color=_INK)
@@ -115,6 +118,7 @@ def sweep_picture(scenarios: Shown, *, picture_format: PictureFormat = "svg") ->
         axes.set_xscale("log")
         axes.set_yscale("log")
         ticks = sorted({float(one["name"].split("-")[1].removesuffix("mps")) for one in scenarios})
+        _plain_ticks(axes)
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
         axes.legend(frameon=False, fontsize=9)
     axes.set_xlabel("speed (m/s)", color=_INK)
@@ -136,6 +140,7 @@ def memory_picture(scenarios: Shown, *, picture_format: PictureFormat = "svg") -
                 )
         axes.axhline(0.0, color=_INK, linewidth=0.7)
         axes.set_xlabel("frames later", color=_INK)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_ylabel(f"correlation of errors {axis} the way", color=_INK)
         axes.set_ylim(-0.4, 1.05)
     if scenarios:
@@ -150,3 +155,10 @@ def _colour(scenario: Mapping[str, Any]) -> str:
 def _plain(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(colors=_FAINT, labelsize=8)
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Numbers as people write them on logarithmic axes, and none between the main ones."""
+    for side in (axes.xaxis, axes.yaxis):
+        side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        side.set_minor_formatter(NullFormatter())

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dnb_edge.errors import InputError
@@ -13,7 +14,7 @@ from dnb_edge.truth.certificate import certificate
 from dnb_edge.truth.counts import cases
 from dnb_edge.truth.scenarios import DRIVERS, catalogue
 
-NAMES = ("30fps-1mps", "score-15fps", "score-60fps", "u-turn")
+NAMES = ("30fps-1mps", "score-15fps", "score-60fps", "sweep-1mps-30fps", "u-turn")
 PLAN = Plan(seed=3, laps=30, rendered_laps=0, trials=1, only=NAMES)
 
 
@@ -120,7 +121,7 @@ def test_the_certificate_says_what_was_found(kept):
     made = certificate(PLAN, results)
     assert json.loads(json.dumps(made, allow_nan=False)) == made
     assert made == certificate(PLAN, results)
-    assert [one["name"] for one in made["scenarios"]] == ["30fps-1mps", "score-15fps", "score-60fps"]
+    assert [one["name"] for one in made["scenarios"]] == list(NAMES[:-1])
     figures = made["scenarios"][0]["figures"]
     assert (figures["laps"], figures["told"], figures["missed"], figures["phantom"]) == (30, 30, 0, 0)
     assert 0.0 < figures["p50_ms"] < figures["p95_ms"] <= figures["max_ms"] < 10.0
@@ -167,5 +168,32 @@ def test_the_page_needs_nothing_from_elsewhere(kept):
     assert page == render_certificate(certificate(PLAN, results))
     assert "http" not in page.replace('http-equiv="Content-Security-Policy"', "")
     assert "<script" not in page
-    assert page.count('src="data:image/svg+xml;base64,') == 2
+    assert page.count('src="data:image/svg+xml;base64,') == 3
     assert "$" not in page
+
+
+def test_the_page_tells_of_the_detectors_errors(kept):
+    """Where frames were rendered, the page shows how the detector's errors hang together."""
+    _, results = kept
+    rendered = json.loads(json.dumps(results["30fps-1mps"]))
+    random = np.random.default_rng(1)
+    for drive in rendered:
+        count = 300
+        errors = {
+            f"{axis}_{unit}": random.normal(0, 1, count).tolist()
+            for axis in ("along", "across")
+            for unit in ("z", "mm")
+        }
+        drive["series"] = {"frame": list(range(count)), "place_m": (np.arange(count) * 0.033 % 2.7).tolist(), **errors}
+    plan = replace(PLAN, rendered_laps=30, only=("30fps-1mps-rendered",))
+    made = certificate(plan, {"30fps-1mps-rendered": rendered})
+    detector = made["scenarios"][0]["figures"]["detector"]
+    for axis in ("along", "across"):
+        assert detector[axis]["z_rms"] == pytest.approx(1.0, abs=0.15)
+        assert detector[axis]["rest"]["z_rms"] == pytest.approx(1.0, abs=0.2)
+        assert detector[axis]["window_variance_ratio"] == pytest.approx(1.0, abs=0.6)
+        assert detector[axis]["repeated_share"] < 0.3
+    assert json.dumps(made, allow_nan=False)
+    page = render_certificate(made)
+    assert "30fps-1mps-rendered, along the way" in page
+    assert page.count('src="data:image/svg+xml;base64,') == 3
