@@ -188,7 +188,10 @@ class OpenLap:
             estimated=start.estimated or end.estimated,
         )
         path = (start.track_m, *(fix.observed_m for fix in fixes), end.track_m)
-        return DrivenLap(lap=lap, path_m=path, fixes=fixes, incidents=(*before, *self.incidents))
+        # Its end may be told so late that it seemed too slow meanwhile.
+        is_slow = self._rules.max_lap_s is not None and lap.time_s > self._rules.max_lap_s
+        own = (one for one in self.incidents if is_slow or one.kind is not IncidentKind.TOO_SLOW)
+        return DrivenLap(lap=lap, path_m=path, fixes=fixes, incidents=(*before, *own))
 
     def _missed(self, line: str, at: Crossing) -> Draft:
         text = f"the line {line!r} was not crossed in its turn"

@@ -215,7 +215,7 @@ class StartProcedure:
                 unseen.append(car)
             elif standing.last.outside_m > 0 or not 0 < self._grid.before_m(standing.last.s_m) <= self._rules.grid_m:
                 away.append(car)
-            elif (t_ns - standing.rest.t_ns) * 1e-9 < self._rules.still_s:
+            elif (standing.last.t_ns - standing.rest.t_ns) * 1e-9 < self._rules.still_s:
                 moving.append(car)
         for cars, what in ((unseen, "be seen"), (away, "come to the grid"), (moving, "stand still")):
             if cars:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import pytest
 from race_drive import at, drive, incidents_of, laps_of, ring
 
 from dnb_edge.race.fix import Fix
 from dnb_edge.race.incidents import STILL_M, Draft, Pace, Stalled, WrongWay
-from dnb_edge.race.off_track import Lane, OffTrack
+from dnb_edge.race.off_track import Lane, OffTrack, Overhang
 from dnb_edge.race.rules import Footprint, LapRules
 from dnb_edge.values import Crossing, Direction, IncidentKind
 
@@ -80,6 +81,18 @@ def test_an_excursion_counts_from_its_least_duration_on(outside: Callable[[float
     assert found == pytest.approx(lasted, abs=1e-6)
 
 
+def test_at_a_slow_frame_rate_a_single_fix_inside_parts_two_excursions() -> None:
+    """Eight frames a second: a quarter of a second lies between the two, more than joins them."""
+    watch, told = OffTrack(LapRules()), []
+    for k in range(16):
+        draft = watch.feed(fix(k / 8), -0.1 if k in (0, 6, 15) else 0.2)
+        told += [] if draft is None else [draft.start_t_ns * 1e-9]
+    last = watch.close()
+    assert told == [0.125]
+    assert last is not None
+    assert last.start_s == 0.875
+
+
 def test_an_excursion_is_told_once_the_car_is_back_with_its_worst_moment() -> None:
     """A fifth of a second after it came back; the greatest distance, its stamp and place, and a sentence with both numbers."""
     ((told_s, draft),) = off_track(bumps((1.0, 1.4, 0.1), (1.4, 1.42, 0.12), (1.42, 1.82, 0.08)))
@@ -107,6 +120,21 @@ def test_the_corners_of_the_car_are_where_they_are(radius_m: float, d_m: float, 
             left = d_m + ahead * math.sin(turned) + aside * math.cos(turned)
             exact.append(abs(radius_m - math.hypot(radius_m - left, along)) - 0.15)
     assert found == pytest.approx(exact, abs=0.001 if radius_m > 0.6 else 0.003)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, -60.0, 90.0, 180.0])
+def test_the_footprint_lies_along_the_way_of_the_fixes(angle_deg: float) -> None:
+    """On a ring so wide that it is straight, a car of 0.2 by 0.1 m that drives at an angle to the route."""
+    route = ring(1000.0, points=6283).centreline
+    rules = LapRules(off_lane=Footprint.ANY_WHEEL, car_length_m=0.2, car_width_m=0.1)
+    overhang = Overhang(rules, Lane(route))
+    turned = math.radians(angle_deg)
+    for k in range(30):
+        s_m, d_m = 10.0 + 0.01 * k * math.cos(turned), 0.01 * (k - 29) * math.sin(turned)
+        where = replace(fix(k / FPS), track_m=route.point_at(s_m, d_m), s_m=s_m, d_m=d_m)
+        found = overhang.outside_m(where)
+    reach = 0.1 * abs(math.sin(turned)) + 0.05 * abs(math.cos(turned))
+    assert found == pytest.approx(reach - 0.15, abs=1e-3)
 
 
 def swerve_m(t_s: float, by_m: float) -> float:

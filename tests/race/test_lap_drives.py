@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 
 import pytest
 from race_drive import Where, at, drive, incidents_of, laps_of, ring, statuses
 
 from dnb_edge.race.laps import DrivenLap, Passed
 from dnb_edge.race.rules import LapRules
+from dnb_edge.track.line import line_across
 from dnb_edge.values import Crossing, Direction, IncidentKind, PassStatus
 
 W = 1.3
@@ -281,6 +283,30 @@ def test_a_lap_that_is_too_slow_is_told_when_it_is_and_counted_when_it_ends() ->
     assert slow.end_t_ns - slow.start_t_ns == 3_000_000_000
     assert told.index(slow) == 1, "before the lap ends"
     assert kinds_of(laps_of(told)[0]) == [IncidentKind.TOO_SLOW]
+
+
+def test_a_lap_that_ended_in_time_is_not_too_slow_though_its_end_is_told_late() -> None:
+    """The car halts 30 mm behind the line for longer than anything waits: the limit is told, and does not count."""
+    end_s = (0.6 + ROUND + 0.03) / W
+
+    def where(t_s: float) -> tuple[float, float]:
+        return steady(t_s if t_s < end_s else max(end_s, t_s - 60.0))
+
+    told = drive(TRACK, where, seconds=end_s + 63, rules=LapRules(max_lap_s=8.0))
+    assert [one.kind for one in incidents_of(told)][:1] == [IncidentKind.TOO_SLOW]
+    (driven,) = laps_of(told)
+    assert driven.lap.time_s == pytest.approx(LAP_S, abs=0.02)
+    assert driven.incidents == ()
+
+
+def test_lines_that_lie_close_together_are_told_in_the_order_in_which_they_are_crossed() -> None:
+    """A sector line 20 mm before the start line."""
+    route = TRACK.centreline
+    last = line_across(route, route.length_m - 0.02, name="last", margin_m=0.05)
+    told = drive(replace(TRACK, sector_lines=(last,)), steady, seconds=11)
+    assert [one.line for one in told if isinstance(one, Crossing)] == ["last", "start"] * 3
+    assert statuses(told)[1:] == ["start", "sector", "lap", "sector", "lap"]
+    assert [len(one.incidents) for one in laps_of(told)] == [0, 0]
 
 
 def test_a_car_first_seen_driving_backwards_crosses_and_nothing_more() -> None:

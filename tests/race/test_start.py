@@ -104,11 +104,12 @@ def test_a_start_by_chance_is_the_same_again_with_the_same_seed() -> None:
     ("at", "text"),
     [
         (lambda t: None, "waiting for car 2 to be seen"),
+        (lambda t: -0.3 if t < 0.5 else None, "waiting for car 2 to be seen"),
         (lambda t: -1.2, "waiting for car 2 to come to the grid"),
         (lambda t: 0.1, "waiting for car 2 to come to the grid"),
         (lambda t: -1.0 + 0.1 * t, "waiting for car 2 to stand still"),
     ],
-    ids=["nowhere", "before the grid", "behind the line", "moving"],
+    ids=["nowhere", "gone", "before the grid", "behind the line", "moving"],
 )
 def test_the_race_waits_until_every_car_stands_on_the_grid(at: Where, text: str) -> None:
     """One that is not seen, not there or not still keeps all the others waiting, and is named."""
@@ -140,6 +141,14 @@ def test_a_car_that_moves_before_the_start_has_jumped_it(noise_m: float) -> None
     assert jump.greatest_m is not None
     assert jump.greatest_m > 0.03
     assert jump.text == f"the car moved by more than 30 mm {4.0 - jump.start_s:.2f} s before the start"
+    assert states_of(news)[-1] == (RacePhase.RACING, None)
+
+
+def test_a_car_that_rolled_out_slowly_has_not_jumped() -> None:
+    """Its rest is where it stood when the countdown began, not where it last counted as moving."""
+    news, _ = started(GRID, {1: lambda t: -0.5 + min(t, 1.0) * 0.2 + 0.028 * min(max(t - 1.0, 0.0), 0.5) / 0.5
+                             + 0.004 * (-1) ** round(t * FPS)}, seconds=7)  # fmt: skip
+    assert jumps_of(news) == []
     assert states_of(news)[-1] == (RacePhase.RACING, None)
 
 
