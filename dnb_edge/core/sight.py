@@ -25,19 +25,21 @@ class Sight:
     def sighting(self, detection: Detection, t_ns: int, t_s: float) -> Sighting | None:
         """The detection on the track plane; None at or beyond the horizon."""
         ground, height_m = self._ground, detection.height_m
-        track_m = ground.point_below_m(detection.camera_px, height_m)
-        if track_m is None:
+        seen = ground.seen(detection.camera_px)
+        if seen is None:
             return None
-        below_px = ground.point_to_camera_px(track_m) if height_m > 0.0 else detection.camera_px
-        xu, xv, yu, yv = slopes = ground.slopes(detection.camera_px)
+        track_m, (xu, xv, yu, yv) = seen
+        below_px = detection.camera_px
         if height_m > 0.0:
             share = ground.share_at(height_m)
-            xu, xv, yu, yv = slopes = xu * share, xv * share, yu * share, yv * share
+            xu, xv, yu, yv = xu * share, xv * share, yu * share, yv * share
+            track_m = ground.below_m(track_m, height_m)
+            below_px = ground.point_to_camera_px(track_m) or below_px
         variance = detection.sigma_px * detection.sigma_px
         observation = Observation(
             t_ns=t_ns,
             t_s=t_s,
-            camera_px=below_px if below_px is not None else detection.camera_px,
+            camera_px=below_px,
             track_m=track_m,
             covariance_m2=(
                 (xu * xu + xv * xv) * variance,
@@ -53,7 +55,7 @@ class Sight:
             length_m=detection.length_px * math.sqrt(abs(xu * yv - xv * yu)),
             marker_id=detection.marker_id,
             colour_bgr=detection.colour_bgr,
-            heading_rad=_heading_on_track(detection.heading_rad, slopes),
+            heading_rad=_heading_on_track(detection.heading_rad, (xu, xv, yu, yv)),
         )
 
 

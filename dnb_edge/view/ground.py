@@ -73,7 +73,11 @@ class GroundMap:
         point below the camera and H its height. Raises `ValueError` where the camera's place is not known or not higher.
         """
         seen_m = self.point_to_track_m(camera_px)
-        if height_m == 0.0 or seen_m is None:
+        return None if seen_m is None else self.below_m(seen_m, height_m)
+
+    def below_m(self, seen_m: PointM, height_m: float) -> PointM:
+        """As `point_below_m`, for the pixel in which the floor point `seen_m`, track m, is seen."""
+        if height_m == 0.0:
             return seen_m
         x, y, _ = self._camera()
         share = self.share_at(height_m)
@@ -130,20 +134,28 @@ class GroundMap:
         ideal_px = _divide(_apply(_inverse(self.camera_to_twin), twin_px), "track m behind the camera")
         return ideal_px if self.lens is None else self.lens.to_camera_px(ideal_px)
 
-    def slopes(self, camera_px: PointPx) -> Slopes:
-        """d(track m)/d(camera px) at one camera px below the horizon; raises `ValueError` beyond it."""
-        u, v = self._ideal_px(camera_px)
+    def seen(self, camera_px: PointPx) -> tuple[PointM, Slopes] | None:
+        """The floor point, track m, seen at one camera px, and how it moves with that; None at or beyond the horizon."""
+        lens = self.lens
+        u, v = camera_px if lens is None else self._ideal_px(camera_px)
         a, b, c, d, e, f, g, h, i = self.camera_to_twin
         w = g * u + h * v + i
         if w <= 0:
-            raise ValueError(f"camera px {camera_px} beyond the horizon")
-        x, y = (a * u + b * v + c) / w, (d * u + e * v + f) / w
-        step = self.scale.metres_per_px / w
+            return None
+        x, y, scale = (a * u + b * v + c) / w, (d * u + e * v + f) / w, self.scale.metres_per_px
+        step = scale / w
         xu, xv, yu, yv = (a - x * g) * step, (b - x * h) * step, -(d - y * g) * step, -(e - y * h) * step
-        if self.lens is None:
-            return xu, xv, yu, yv
-        uu, uv, vu, vv = _bend(self.lens, camera_px)
-        return xu * uu + xv * vu, xu * uv + xv * vv, yu * uu + yv * vu, yu * uv + yv * vv
+        if lens is not None:
+            uu, uv, vu, vv = _bend(lens, camera_px)
+            xu, xv, yu, yv = xu * uu + xv * vu, xu * uv + xv * vv, yu * uu + yv * vu, yu * uv + yv * vv
+        return (x * scale, (self.scale.height_px - y) * scale), (xu, xv, yu, yv)
+
+    def slopes(self, camera_px: PointPx) -> Slopes:
+        """d(track m)/d(camera px) at one camera px below the horizon; raises `ValueError` beyond it."""
+        seen = self.seen(camera_px)
+        if seen is None:
+            raise ValueError(f"camera px {camera_px} beyond the horizon")
+        return seen[1]
 
     def jacobian(self, camera_px: PointPx) -> NDArray[np.float64]:
         """`slopes` as a matrix, shape (2, 2)."""

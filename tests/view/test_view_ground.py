@@ -48,10 +48,20 @@ def test_the_jacobian_is_the_maps_derivative(twin_px):
     assert GROUND.jacobian((u, v)) == pytest.approx(measured, rel=1e-3, abs=1e-8)
 
 
+@given(TWIN_POINT)
+def test_a_pixel_is_seen_where_the_map_says_and_moves_as_it_says(twin_px):
+    """Place and slopes in one are the point and the Jacobian by themselves, to the last bit."""
+    (pixel,) = seen(np.array([twin_px])).tolist()
+    place, slopes = GROUND.seen(tuple(pixel))
+    assert place == GROUND.point_to_track_m(tuple(pixel))
+    assert np.reshape(slopes, (2, 2)).tolist() == GROUND.jacobian(tuple(pixel)).tolist()
+
+
 def test_beyond_the_horizon_there_is_no_floor():
     """At and above the horizon a pixel has no floor point, and says so rather than mirror one from behind."""
     above, below = (600.0, HORIZON_V - 1), (600.0, HORIZON_V + 1)
     assert GROUND.point_to_track_m(above) is None
+    assert GROUND.seen(above) is None
     assert GROUND.point_to_track_m(below) is not None
     assert GROUND.sees_ground(np.array([above, below])).tolist() == [False, True]
     with pytest.raises(ValueError, match="beyond the horizon: point 0 of 2"):
