@@ -171,9 +171,11 @@ class Follower:
         costs = [[math.inf] * len(free) for _ in cars]
         for column, j in enumerate(free):
             sighting = sightings[j]
+            distances = [_distance(targets[i], sighting) for i in cars]
+            if min(distances) > AGREEING_GATE * self._settings.gate:
+                continue
             by_looks = evidence(looks, velocities, sighting)
-            for row, i in enumerate(cars):
-                distance = _distance(targets[i], sighting)
+            for row, (i, distance) in enumerate(zip(cars, distances, strict=True)):
                 # Another's number may mean that the two were confused; a stranger's, that this is a stranger.
                 strange = by_looks[row] >= MARKER_COST and sighting.marker_id not in numbers
                 agrees = targets[i].looks.agrees(sighting.marker_id)
