@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from edge_command import Race
+from edge_command import Race, edge
 from table_runs import Car, record, setup
 from typer.testing import CliRunner, Result
 
@@ -329,3 +329,11 @@ def test_an_export_shows_edited_and_raw_laps(race: Race, tmp_path: Path) -> None
     assert (rows[0]["edited_by"], rows[2]["edited_by"]) == ("2 penalty by Ada: a hand", "1 remove by Ada: a hand")
     assert float(rows[0]["official_time_s"]) == pytest.approx(float(rows[0]["raw_official_time_s"]) + 5)
     assert list(csv.DictReader(io.StringIO(done("runs", "export", run, "--no-edits")))) == raw
+
+
+def test_the_shell_gets_one_line_and_its_exit_code(run: Path) -> None:
+    """As a process of its own: 0 for a decision, 2 for one that makes no sense."""
+    assert edge("judge", "remove", run, "--lap", 2, *WHY).code == 0
+    again = edge("judge", "remove", run, "--lap", 2, *WHY)
+    assert (again.code, again.out) == (2, "")
+    assert again.complaint() == "dnb-edge: lap 2 is removed already, by edit 1 of Ada: undo that to have it back"

@@ -1,6 +1,7 @@
 """A judge's edits laid over laps: pure, reversible, and told where they find nothing."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -363,3 +364,44 @@ def test_every_raw_lap_is_somewhere_afterwards(case):
     )
     assert all(one.lap.official_time_s == one.lap.time_s + one.lap.penalty_s for one in after.laps)
     assert all(one.lap.valid == (not one.lap.reasons) for one in after.laps)
+
+
+@st.composite
+def any_edits(draw):
+    """(laps, edits), the edits made for other laps than those, in no sensible order, undos of whatever number among them."""
+    laps, others = draw(races()), draw(races())
+    edits = []
+    for number in range(1, draw(st.integers(0, 12)) + 1):
+        known = draw(st.sampled_from((*laps, *others)))
+        later = draw(st.sampled_from((*laps, *others)))
+        start_s = draw(st.integers(0, 60))
+        kinds = [
+            edit(number, Action.REMOVE, known),
+            edit(number, Action.MERGE, known, later),
+            edit(number, Action.FORGIVE, known, offence=draw(st.sampled_from([None, "off_track", "lost"]))),
+            edit(number, Action.NOTE, known),
+            penalty(number, known, seconds=1.0, dnf=draw(st.booleans())),
+            add(number, start_s, start_s + draw(st.integers(1, 30)), lap_number=draw(st.integers(1, 9))),
+            undo(number, draw(st.integers(1, 12))),
+        ]
+        edits.append(draw(st.sampled_from(kinds)))
+    return laps, edits
+
+
+@given(any_edits())
+def test_no_list_of_edits_breaks_anything(case):
+    """Whatever the edits were made for: nothing raises, no raw lap is lost, a car's laps never overlap or share a number,
+    and an edit shows, is undone, or is told."""
+    laps, edits = case
+    after = apply(laps, edits)
+    raws = sorted((raw.car, raw.start_t_ns) for one in (*after.laps, *after.removed) for raw in one.raw)
+    assert raws == sorted((one.car, one.start_t_ns) for one in laps)
+    for car in (1, 2):
+        mine = [one for one in after.kept if one.car == car]
+        assert all(before.end_t_ns <= then.start_t_ns for before, then in pairwise(mine))
+        assert len({one.number for one in mine}) == len(mine)
+    shown = {one.number for lap in (*after.laps, *after.removed) for one in lap.edits} | {
+        one.number for one in after.notes
+    }
+    told = {one.edit.number for one in after.without_effect} | {one.number for one in after.undone}
+    assert {one.number for one in edits if one.action is not Action.UNDO} <= shown | told
