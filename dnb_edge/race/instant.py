@@ -29,8 +29,8 @@ Floats = NDArray[np.float64]
 SCALES: Floats = 2.0 ** np.arange(-2.0, 3.01, 0.125)
 """Grid of s: from a quarter of what the samples say to eight times as much."""
 
-JERKS: Floats = np.array([0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5])
-"""Grid of q / v^2, 1/s^3: 0.1 is a car whose acceleration wanders by 0.22 m/s^2 within half a second at 1 m/s."""
+JERKS: Floats = np.array([0.01, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5])
+"""Grid of q / v^2, 1/s^3: 0.1 is a car whose acceleration wanders by 0.22 m/s^2 in half a second at 1 m/s; at 1e5 it jolts."""
 
 LEAST_SPEED_MPS = 0.5
 """Slower cars can accelerate as much as one of this speed."""

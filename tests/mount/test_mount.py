@@ -244,7 +244,7 @@ def test_the_sigma_of_a_whole_plan_is_that_of_simulated_drives() -> None:
     there = plan.camera.resolution((0.0, line_m))
     for _ in range(TRIALS):
         true_s = 1.0 + rng.uniform() / fps
-        t = np.arange(round(0.7 * fps), round(1.3 * fps)) / fps
+        t = np.arange(round(0.4 * fps), round(1.4 * fps)) / fps
         way = np.column_stack((np.zeros(len(t)), line_m + (t - true_s) * CAR.speed_mps))
         pixels = projected(camera, way) + rng.normal(0.0, plan.far.sigma_px, (len(t), 2))
         floor = np.column_stack((pixels, np.ones(len(t)))) @ to_floor.T
