@@ -89,13 +89,13 @@ def test_a_sector_line_that_was_missed_is_told_at_the_next() -> None:
 
 
 @pytest.mark.parametrize(
-    ("missing", "told_after"), [((3,), ["start"]), ((1, 3), ["sector 2", "start"]), ((1, 2, 3), ["start"] * 3)]
+    ("missing", "told_after"), [((4,), ["start"]), ((1, 3), ["sector 2", "sector 4"]), ((1, 2, 3, 4), ["start"] * 4)]
 )
 def test_each_missed_line_is_told_once(missing: tuple[int, ...], told_after: list[str]) -> None:
     """At the next line that is crossed, the end of the lap at the latest."""
-    passes_s = [(0.6 + k * ROUND / 4) / W for k in missing]
+    passes_s = [(0.6 + k * ROUND / 5) / W for k in missing]
     wide = lambda t: at(-0.6 + W * t, 1.25 if any(abs(t - one) < 0.2 for one in passes_s) else 1.0)  # noqa: E731
-    told = drive(TRACK, wide, seconds=7, rules=LapRules(off_lane_s=1.0))
+    told = drive(ring(sectors=5), wide, seconds=7, rules=LapRules(off_lane_s=1.0))
     incidents = incidents_of(told)
     assert [one.text.split("'")[1] for one in incidents] == [f"sector {k}" for k in missing]
     last = [[one for one in told[: told.index(incident)] if isinstance(one, Crossing)][-1] for incident in incidents]

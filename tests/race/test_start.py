@@ -144,10 +144,15 @@ def test_a_car_that_moves_before_the_start_has_jumped_it(noise_m: float) -> None
     assert states_of(news)[-1] == (RacePhase.RACING, None)
 
 
-def test_a_car_that_rolled_out_slowly_has_not_jumped() -> None:
+@pytest.mark.parametrize("creep_m", [0.005, 0.01, 0.015, 0.02, 0.025, 0.03])
+def test_a_car_that_rolled_out_slowly_has_not_jumped(creep_m: float) -> None:
     """Its rest is where it stood when the countdown began, not where it last counted as moving."""
-    news, _ = started(GRID, {1: lambda t: -0.5 + min(t, 1.0) * 0.2 + 0.028 * min(max(t - 1.0, 0.0), 0.5) / 0.5
-                             + 0.004 * (-1) ** round(t * FPS)}, seconds=7)  # fmt: skip
+
+    def at(t_s: float) -> float:
+        shake_m = 0.006 if round(t_s * FPS) % 2 and t_s > 4 else 0.0
+        return -0.5 + 0.2 * min(t_s, 1.0) + creep_m * min(max(t_s - 1.0, 0.0) / 0.5, 1.0) + shake_m
+
+    news, _ = started(GRID, {1: at}, seconds=7)
     assert jumps_of(news) == []
     assert states_of(news)[-1] == (RacePhase.RACING, None)
 
