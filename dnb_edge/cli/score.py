@@ -63,7 +63,7 @@ def score(
     """
     wanted = Wanted(rules=rules, track=track, lines=tuple(lines or ()), overrides=tuple(overrides or ()))
     for path in recordings(runs):
-        replayed = replay(path, edits=edits, changed=wanted.change(path))
+        replayed = replay(path, edits=edits, changed=wanted.change(path), tell_running=as_json)
         if as_json:
             _print_json(replayed, observations=observations)
         else:

@@ -11,11 +11,13 @@ from table_runs import Car, circle, record, setup
 from typer.testing import CliRunner, Result
 
 from dnb_edge.cli.main import app
+from dnb_edge.cli.replayed import replay
 from dnb_edge.config.track_file import track_file
 from dnb_edge.errors import InputError
 from dnb_edge.track.layout import laid_out
 from dnb_edge.track.line import line_across
 from dnb_edge.track.scale import TwinScale
+from dnb_edge.values import Running
 
 CAR = Car((3.0, 3.1, 2.9, 3.2))
 
@@ -250,3 +252,10 @@ def test_a_bad_file_of_lines_is_refused_with_its_line(run: Path, tmp_path: Path,
     lines = tmp_path / "lines.yaml"
     lines.write_text(text)
     assert said in refusal(run, "--line", lines)
+
+
+def test_running_laps_are_told_only_where_somebody_wants_them(run: Path) -> None:
+    """A replay without them is faster and otherwise the same, event for event."""
+    whole = replay(run, tell_running=True).events
+    assert any(isinstance(event, Running) for event in whole)
+    assert replay(run).events == tuple(event for event in whole if not isinstance(event, Running))
