@@ -268,7 +268,13 @@ class LapMachine:
             before = [] if ended is None else ended.trace[: len(ended.trace) - len(late)]
             self._pace.back_to(before[-1] if before else None)
         self._lap = OpenLap(
-            self._rules, self._course, crossing, number=self._done + 1, progress_m=progress_m, seen_t_ns=seen_t_ns
+            self._rules,
+            self._course,
+            crossing,
+            number=self._done + 1,
+            progress_m=progress_m,
+            seen_t_ns=seen_t_ns,
+            frames=0 if ended is None else ended.frames_later_than(crossing.t_ns),
         )
         if not self._grid and self._limit_t_ns is None and self._format.time_limit_s is not None:
             self._limit_t_ns = crossing.t_ns + round(self._format.time_limit_s * 1e9)
@@ -306,6 +312,7 @@ class LapMachine:
         while self._coming and self._coming[0].t_ns <= t_ns:
             step = self._pace.step(self._coming.popleft())
             if lap is not None:
+                self._count(step.fix.t_ns)
                 incidents += self._tell(lap.feed(step))
         last = self._pace.last
         # A crossing in a gap is known only after it: until then its frames belong to no lap.

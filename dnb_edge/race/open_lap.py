@@ -91,21 +91,32 @@ class OpenLap:
     """A lap that runs."""
 
     def __init__(
-        self, rules: LapRules, course: Course, start: Crossing, *, number: int, progress_m: float, seen_t_ns: int
+        self,
+        rules: LapRules,
+        course: Course,
+        start: Crossing,
+        *,
+        number: int,
+        progress_m: float,
+        seen_t_ns: int,
+        frames: int = 0,
     ) -> None:
-        """`progress_m` is the car's at `start`; `seen_t_ns` the stamp up to which nothing is to be said of its being lost."""
+        """`progress_m` is the car's at `start`; `seen_t_ns` the stamp up to which nothing is to be said of its being lost;
+        `frames` the number of its frames that were looked at already.
+        """
         self._rules = rules
         self._lap_m = course.lap_m
         way = Way(rules, progress_m=progress_m, lap_m=course.lap_m, start_s_m=course.start_s_m, loop_m=course.loop_m)
         self._watch = LapWatch(rules, start, way, seen_t_ns=seen_t_ns, lane=course.lane)
         self._sectors = Sectors(course.sectors, start, rules.min_progress)
         self._seen = 0
+        self._frames_at: list[int] = []
         self._is_slow = False
         self.start = start
         """Where it began."""
         self.number = number
         """From 1, for each car."""
-        self.frames = 0
+        self.frames = frames
         """Number of frames looked at since."""
         self.trace: list[Fix] = []
         """Its fixes so far."""
@@ -120,9 +131,10 @@ class OpenLap:
     def feed(self, step: Step) -> list[Draft]:
         """Takes the car's next step; returns the incidents that ended with it."""
         self.trace.append(step.fix)
+        self._frames_at.append(self.frames)
         self._seen += 1
         if len(self.trace) > MOST_FIXES:
-            self.trace = self.trace[::2]
+            self.trace, self._frames_at = self.trace[::2], self._frames_at[::2]
         return self._watch.feed(step)
 
     def later_than(self, t_ns: int) -> list[Fix]:
@@ -133,6 +145,14 @@ class OpenLap:
                 break
             later.append(fix)
         return later[::-1]
+
+    def frames_later_than(self, t_ns: int) -> int:
+        """How many of its frames were counted after the last fix up to `t_ns`; none where no fix is later."""
+        late = len(self.later_than(t_ns))
+        if not late:
+            return 0
+        kept = self._frames_at[: len(self._frames_at) - late]
+        return self.frames - (kept[-1] if kept else 0)
 
     def sector(self, crossing: Crossing, driven_m: float) -> tuple[str | None, list[Draft]]:
         """Takes a forward crossing of a sector line; (why it ends no sector, None where it does; lines missed before it)."""
@@ -171,6 +191,7 @@ class OpenLap:
         start = self.start
         late = len(self.later_than(end.t_ns))
         fixes = tuple(self.trace[: len(self.trace) - late])
+        frames = self.frames - self.frames_later_than(end.t_ns)
         lap = Lap(
             number=self.number,
             start_t_ns=start.t_ns,
@@ -181,7 +202,7 @@ class OpenLap:
             valid=True,
             reasons=(),
             similarity_percent=None,
-            observed_fraction=min((self._seen - late) / self.frames, 1.0) if self.frames else 0.0,
+            observed_fraction=min((self._seen - late) / frames, 1.0) if frames > 0 else 0.0,
             target_id=end.target_id,
             car=car,
             sectors=self._sectors.times(end),

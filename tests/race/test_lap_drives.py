@@ -298,6 +298,7 @@ def test_a_lap_that_ended_in_time_is_not_too_slow_though_its_end_is_told_late() 
     (driven,) = laps_of(told)
     assert driven.lap.time_s == pytest.approx(LAP_S, abs=0.02)
     assert driven.incidents == ()
+    assert driven.lap.observed_fraction == 1.0
 
 
 def test_lines_that_lie_close_together_are_told_in_the_order_in_which_they_are_crossed() -> None:

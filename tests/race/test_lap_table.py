@@ -322,7 +322,7 @@ def test_fixes_that_were_looked_at_too_early_belong_to_the_lap_in_which_they_lie
     assert first is not None
     assert second is not None
     assert [first.fixes[-1].t_s, second.fixes[0].t_s, second.fixes[-1].t_s] == [10.0, 10.1, 20.0]
-    assert second.lap.observed_fraction == 1.0
+    assert (first.lap.observed_fraction, second.lap.observed_fraction) == (1.0, 1.0)
     assert second.incidents == ()
 
 
