@@ -215,7 +215,7 @@ def _drivers() -> Iterator[Scenario]:
             place="demo-paper",
             fps=30.0,
             styles=(by_curvature(0.75 * pace, 0.8 * pace**2, wander=wander),),
-            laps_per_drive=10,
+            laps_per_drive=5,
             share=0.1,
             limits=_ALL_TOLD,
         )

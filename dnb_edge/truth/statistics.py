@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dnb_edge.score.student import two_sided_quantile
+
 Z95 = 1.959963984540054
 """Two-sided 95 % of a normal distribution, in standard deviations."""
 
@@ -70,7 +72,7 @@ def _design_effect(drives: Sequence[NDArray[np.float64]], share: float, count: i
 
 
 def clustered_mean(drives: Sequence[Sequence[float]]) -> tuple[float, float] | None:
-    """(mean, half width of its 95 % interval) over all drives' values, from the spread between drives.
+    """(mean, half width of its 95 % interval) over all drives' values, from the spread between drives (Student's t).
 
     None where there are no values; the half width is that of independent values where there is one drive only.
     """
@@ -80,10 +82,11 @@ def clustered_mean(drives: Sequence[Sequence[float]]) -> tuple[float, float] | N
     every = np.concatenate(full)
     mean, count = float(every.mean()), len(every)
     if len(full) < 2:
-        half = Z95 * float(every.std(ddof=1)) / math.sqrt(count) if count > 1 else 0.0
-        return mean, half
+        if count < 2:
+            return mean, 0.0
+        return mean, two_sided_quantile(0.95, count - 1) * float(every.std(ddof=1)) / math.sqrt(count)
     between = sum(float((drive - mean).sum()) ** 2 for drive in full) * len(full) / (len(full) - 1)
-    return mean, Z95 * math.sqrt(between) / count
+    return mean, two_sided_quantile(0.95, len(full) - 1) * math.sqrt(between) / count
 
 
 def quantiles(values: Sequence[float]) -> dict[str, float | None]:

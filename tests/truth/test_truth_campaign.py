@@ -9,6 +9,7 @@ import pytest
 from dnb_edge.errors import InputError
 from dnb_edge.report.truth import render_certificate
 from dnb_edge.truth import campaign as room
+from dnb_edge.truth import certificate as certificate_room
 from dnb_edge.truth.campaign import Plan, run_campaign, run_unit, scenario_laps, units
 from dnb_edge.truth.certificate import certificate
 from dnb_edge.truth.counts import cases
@@ -197,3 +198,32 @@ def test_the_page_tells_of_the_detectors_errors(kept):
     page = render_certificate(made)
     assert "30fps-1mps-rendered, along the way" in page
     assert page.count('src="data:image/svg+xml;base64,') == 3
+
+
+@pytest.mark.parametrize(
+    ("similarities", "half", "laps", "holds"),
+    [
+        ((96.0, 93.0, 90.0, 85.0), 1.0, 100, True),
+        ((96.0, 93.0, 90.0, 85.0), 1.6, 100, False),
+        ((96.0, 93.0, 94.0, 85.0), 0.1, 100, False),
+        ((96.0, 93.0, 90.0, 85.0), 1.6, 20, True),
+        ((96.0, 93.0, 94.0, 85.0), 0.1, 20, False),
+    ],
+)
+def test_the_papers_drivers_keep_their_order(similarities, half, laps, holds):
+    """With all laps their intervals must be disjoint, with few their means in order."""
+    figures = {
+        name: {
+            "similarity_percent": similarity,
+            "similarity_half_width_percent": half,
+            "lap_s": 40.0 - k,
+            "lap_half_width_s": 0.1,
+            "laps": laps,
+        }
+        for k, (name, similarity) in enumerate(zip(DRIVERS, similarities, strict=True))
+    }
+    by_figure = {row["figure"]: row for row in certificate_room._drivers(figures)}
+    assert by_figure["similarity_order_gap_percent"]["holds"] is holds
+    assert by_figure["time_order_gap_s"]["value"] == pytest.approx(0.8)
+    assert by_figure["time_order_gap_s"]["enough_laps"] is (laps == 100)
+    assert certificate_room._drivers({DRIVERS[0]: figures[DRIVERS[0]]}) == []
