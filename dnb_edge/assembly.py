@@ -38,6 +38,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, StartRules
+from dnb_edge.race.sectors import check_lines
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.record.header import RunHeader, software_versions
 from dnb_edge.record.identity import identity_of
@@ -73,6 +74,7 @@ class Assembly:
 def assemble(config: Config, info: SourceInfo) -> Assembly:
     """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
     track = make_track(config.track)
+    check_lines(track)
     view = make_view(config.view, track.scale, info)
     ground = view.ground
     tallest_m = _tallest_m(config.detector)
