@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from dnb_edge.cli.overlay import Overlaid, RaceFacts, laid_over
+from dnb_edge.cli.rescore import changes_text
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.core.views import ViewLog
 from dnb_edge.errors import InputError
@@ -23,7 +24,7 @@ from dnb_edge.race.marshal import Marshalled, Told
 from dnb_edge.record.edits import RunIdentity, read_edits
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.reader import RecordedRun, read_run
-from dnb_edge.report.run import RunResult
+from dnb_edge.report.run import RulesInForce, RunResult
 from dnb_edge.report.table import printable
 from dnb_edge.track.twin import load_twin
 from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary
@@ -75,6 +76,14 @@ class Replayed:
             raw_laps=() if self.marshalled is None else self.raw_laps,
             edits=self.edits,
             marshalled=self.marshalled,
+            driver=self.header.driver,
+            session=self.header.session,
+            rules=RulesInForce(
+                name=self.setup.rules,
+                version=self.setup.rules_version,
+                digest=self.setup.rules_digest,
+                changed=None if self.setup is self.recorded_setup else changes_text(self.recorded_setup, self.setup),
+            ),
             calibration=self.calibration,
             config=self.header.config,
             hashes=self.hashes,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -13,7 +12,7 @@ from rich.console import Console
 from dnb_edge import wire
 from dnb_edge.cli.replayed import Replayed, WithEdits, replay
 from dnb_edge.cli.rescore import Wanted, changes, changes_text
-from dnb_edge.cli.results import Runs, recordings
+from dnb_edge.cli.results import OtherLines, OtherRules, OtherTrack, OtherValues, Runs, recordings
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
 from dnb_edge.race.marshal import Marshalled, MarshalledLap
@@ -31,28 +30,10 @@ def score(
     observations: Annotated[
         bool, typer.Option("--observations", help="With --json: one line a frame as well.")
     ] = False,
-    rules: Annotated[
-        str | None,
-        typer.Option(help="Another rule set: a name (`dnb-edge config rules`) or a file.", metavar="NAME|FILE"),
-    ] = None,
-    lines: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--line",
-            help="Another line: start, finish or any sector's name, then its ends on the twin (px), a place on the route "
-            "(NAME=AT:u,v) or none. Or a file of lines. May be given several times.",
-            metavar="NAME=u,v:u,v",
-        ),
-    ] = None,
-    track: Annotated[Path | None, typer.Option(help="Another track file of the same twin.", metavar="FILE")] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="Another value for one key, such as race.min_lap_s=3. May be given several times.",
-            metavar="KEY=VALUE",
-        ),
-    ] = None,
+    rules: OtherRules = None,
+    lines: OtherLines = None,
+    track: OtherTrack = None,
+    overrides: OtherValues = None,
     edits: WithEdits = True,
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run.

@@ -28,12 +28,21 @@ def standings_table(standings: values.Standings, rows: int) -> RenderableType:
         name = Text(row.name if row.dnf is None else f"{row.name} (out: {row.dnf})")
         style = "red" if row.dnf is not None else "bold green" if row.place == 1 else ""
         value = "-" if row.value is None else f"{_figure(row.value, standings.unit)} {standings.unit}"
-        gap = "" if row.gap is None else f"+{_figure(abs(row.gap), standings.unit)}"
+        gap = _gap(row, standings.unit)
         last = "-" if row.last_lap_s is None else f"{row.last_lap_s:.3f}"
         table.add_row(place, name, str(row.laps), value, gap, last, style=style)
     for _ in range(rows - len(shown)):
         table.add_row()
     return table
+
+
+def _gap(row: values.Standing, unit: str) -> str:
+    """Behind the leader; in laps where the times of different numbers of laps say nothing; empty for the leader."""
+    if row.gap is not None:
+        return f"+{_figure(abs(row.gap), unit)}"
+    if row.gap_laps is not None:
+        return f"+{row.gap_laps} lap{'' if row.gap_laps == 1 else 's'}"
+    return ""
 
 
 def _figure(value: float, unit: str) -> str:

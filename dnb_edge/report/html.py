@@ -14,25 +14,19 @@ from string import Template
 from typing import Any
 
 from dnb_edge.errors import InputError
+from dnb_edge.race.standings import official_s
 from dnb_edge.report import plots
+from dnb_edge.report.along import best_laps, drawn_laps
+from dnb_edge.report.along_plots import along_picture
 from dnb_edge.report.files import write_whole
+from dnb_edge.report.lap_style import lap_name
+from dnb_edge.report.lap_table import lap_table
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.race import race_sections
 from dnb_edge.report.run import RunResult
 from dnb_edge.report.table import entry_rows
-from dnb_edge.values import Lap, Score
 
 FILE_NAME = "report.html"
-
-_LAP_HEADINGS = (
-    "Lap",
-    f"Time {PLUS_MINUS} sigma (s)",
-    "Similarity (%)",
-    "DTW, mean (m)",
-    "Fr\N{LATIN SMALL LETTER E WITH ACUTE}chet (m)",
-    "Lateral, mean / max (m)",
-    "Car seen (%)",
-)
 
 _ERROR_NAMES = (
     ("mean", "Mean over all keypoints"),
@@ -61,41 +55,124 @@ def write_report(result: RunResult, directory: Path, *, file_name: str = FILE_NA
 def render(result: RunResult) -> str:
     """The whole page, the same text for the same result."""
     template = resources.files("dnb_edge.report").joinpath("page.html").read_text(encoding="utf-8")
-    lap_list = ", ".join(f"lap {lap.number} {lap.time_s:.3f} s" for lap in result.laps) or "no complete lap"
     return Template(template).substitute(
         title=text(f"{result.entry}: dnb-edge report"),
         entry=text(result.entry),
         facts=_facts(result),
         warnings=_warnings(result.warnings),
-        laps=_lap_table(result),
+        laps=lap_table(result),
         race=race_sections(result),
-        path_alt=text(f"Map of the track with the driven path of each lap: {lap_list}"),
-        path_picture=data_uri(plots.path_picture(result)),
-        times_alt=text(f"Bars of the lap times: {lap_list}"),
-        times_picture=data_uri(plots.lap_times_picture(result)),
+        pictures=_pictures(result),
         calibration=_calibration(result.calibration),
         details=_details(result),
     )
 
 
-def _facts(result: RunResult) -> str:
-    (row,) = entry_rows([result])
-    best = min((lap for lap in result.laps if lap.valid), key=lambda lap: lap.time_s, default=None)
-    facts: list[tuple[str, str]] = [
-        ("Source", result.source_uri),
-        ("Track", f"{result.track.name}, route of {result.track.centreline.length_m:.3f} m"),
-        ("Laps", f"{row.valid_laps} valid of {row.laps}"),
-        ("Path similarity, mean", "DNF" if not row.finished else number(row.similarity_percent, "{:.2f} %")),
-        ("Completion time, mean", number(row.completion_time_s, "{:.3f} s", none="DNF")),
+def _pictures(result: RunResult) -> str:
+    """The sections with pictures; those without anything to show are left out."""
+    several = result.several_cars
+    lap_list = ", ".join(f"{lap_name(lap, several=several)} {lap.time_s:.3f} s" for lap in result.laps)
+    lap_list = lap_list or "no complete lap"
+    left_out = _left_out(len(result.laps), len(drawn_laps(result.laps)))
+    parts = [
+        "<section>\n<h2>Driven path</h2>",
+        _figure(
+            plots.path_picture(result),
+            f"Map of the track with the driven path of each lap: {lap_list}",
+            f"The car's ground point on the track, each lap from line to line. S1, S2 \N{HORIZONTAL ELLIPSIS} are the lines "
+            f"at which sectors end.{left_out}",
+        ),
     ]
-    if best is not None:
-        facts.append(("Best lap", f"lap {best.number}, {best.time_s:.3f} {PLUS_MINUS} {best.sigma_s:.3f} s"))
+    worst, off = plots.farthest_off(result), plots.off_picture(result)
+    if worst is not None and off is not None:
+        name = lap_name(worst.lap, several=several)
+        parts.append(
+            _figure(
+                off,
+                f"Map of the track with the path of {name}, coloured by its distance from the centreline",
+                f"Where it was off: {name}, of the drawn laps the one that was farthest from the centreline. "
+                "Dotted: not seen.",
+            )
+        )
+    parts.append("</section>")
+    along = along_picture(result)
+    if along is not None:
+        parts += [
+            "<section>\n<h2>Along the route</h2>",
+            _figure(
+                along,
+                f"Speed, lateral error and time lost of each lap along the route: {lap_list}",
+                "From above: speed along the route; how far to the left of the centreline the ground point was (grey: beyond "
+                "the lane's edges; the ring marks the greatest excursion); with several laps, how far each was behind its "
+                f"car's best valid lap at the same place. Gaps: the car was not seen.{left_out}",
+            ),
+            "</section>",
+        ]
+    bars = _left_out(len(result.laps), len(drawn_laps(result.laps, plots.TIMED_LAPS)))
+    times = _figure(plots.lap_times_picture(result), f"Bars of the lap times: {lap_list}", bars)
+    return "\n".join([*parts, "<section>\n<h2>Lap times</h2>", times, "</section>"])
+
+
+def _left_out(laps: int, drawn: int) -> str:
+    """What to say where not all laps are drawn."""
+    if drawn == laps:
+        return ""
+    return f" Drawn are {drawn} of {laps} laps, the best ones and the last ones; {laps - drawn} are left out."
+
+
+def _figure(picture: bytes, alt: str, caption: str) -> str:
+    said = f"<figcaption>{text(caption.strip())}</figcaption>\n" if caption else ""
+    return f'<figure>\n<img alt="{text(alt)}" src="{data_uri(picture)}">\n{said}</figure>'
+
+
+def _facts(result: RunResult) -> str:
+    facts = [*_driver_facts(result), *_lap_facts(result)]
     if result.frames and result.detected_frames is not None:
         share = 100 * result.detected_frames / result.frames
         facts.append(("Car found", f"in {result.detected_frames} of {result.frames} frames ({share:.1f} %)"))
     if result.recording is not None:
         facts.append(("Recording", result.recording))
     return _definitions(facts)
+
+
+def _driver_facts(result: RunResult) -> list[tuple[str, str]]:
+    """Who drove, on what, and under which rules."""
+    facts = []
+    driver = result.driver
+    if driver is not None:
+        told = {"Version": driver.version, "Checkpoint, SHA-256": driver.checkpoint_sha256, "Notes": driver.notes}
+        facts += [(name, fact) for name, fact in told.items() if fact]
+    if result.session is not None:
+        facts.append(("Session", result.session))
+    facts += [
+        ("Source", result.source_uri),
+        ("Track", f"{result.track.name}, route of {result.track.centreline.length_m:.3f} m"),
+    ]
+    rules = result.rules
+    if rules is not None:
+        facts.append(("Rules", f"{rules.name}, version {rules.version}, digest {rules.digest}"))
+        if rules.changed is not None:
+            facts.append(("Changed since the run", rules.changed))
+    return facts
+
+
+def _lap_facts(result: RunResult) -> list[tuple[str, str]]:
+    """What the laps come to."""
+    (row,) = entry_rows([result])
+    facts = [
+        ("Laps", f"{row.valid_laps} valid of {row.laps}"),
+        ("Path similarity, mean", "DNF" if not row.finished else number(row.similarity_percent, "{:.2f} %")),
+        ("Completion time, mean", number(row.completion_time_s, "{:.3f} s", none="DNF")),
+    ]
+    best = min(
+        (result.laps[i] for i in best_laps(result.laps).values()),
+        key=lambda lap: (official_s(lap), lap.car),
+        default=None,
+    )
+    if best is not None:
+        name = lap_name(best, several=result.several_cars)
+        facts.append(("Best lap", f"{name}, {official_s(best):.3f} {PLUS_MINUS} {best.sigma_s:.3f} s"))
+    return facts
 
 
 def _definitions(facts: Iterable[tuple[str, str]]) -> str:
@@ -106,41 +183,6 @@ def _warnings(warnings: Sequence[str]) -> str:
     if not warnings:
         return ""
     return '<ul class="bad">' + "".join(f"<li>{text(warning)}</li>" for warning in warnings) + "</ul>"
-
-
-def _lap_table(result: RunResult) -> str:
-    if not result.laps:
-        return "<p>No complete lap: the entry did not finish (DNF).</p>"
-    head = "".join(f'<th scope="col">{text(heading)}</th>' for heading in _LAP_HEADINGS)
-    rows = "".join(_lap_row(lap, result.score_of(lap)) for lap in result.laps)
-    return (
-        f'<div class="scroll"><table>\n<thead><tr>{head}<th scope="col" class="text">Valid</th></tr></thead>\n'
-        f"<tbody>\n{rows}</tbody>\n</table></div>"
-    )
-
-
-def _lap_row(lap: Lap, score: Score | None) -> str:
-    cells = [
-        f"{lap.time_s:.4f} {PLUS_MINUS} {lap.sigma_s:.4f}",
-        number(lap.similarity_percent, "{:.2f}"),
-        *_score_cells(score),
-        f"{100 * lap.observed_fraction:.1f}",
-    ]
-    if lap.penalty_s > 0:
-        cells[0] += f" (+{lap.penalty_s:.3f})"
-    valid = "yes" if lap.valid else "no: " + "; ".join(lap.reasons)
-    if lap.suspect:
-        valid += ", but suspect: " + "; ".join(lap.suspect)
-    kind = "text" if lap.valid and not lap.suspect else "text bad"
-    figures = "".join(f"<td>{text(cell)}</td>" for cell in cells)
-    return f'<tr><th scope="row">{lap.number}</th>{figures}<td class="{kind}">{text(valid)}</td></tr>\n'
-
-
-def _score_cells(score: Score | None) -> tuple[str, str, str]:
-    if score is None:
-        return NONE, NONE, NONE
-    lateral = f"{score.lateral_mean_m:.4f} / {score.lateral_max_m:.4f}"
-    return f"{score.dtw_mean_m:.4f}", f"{score.frechet_m:.4f}", lateral
 
 
 def _calibration(calibration: Mapping[str, Any]) -> str:

@@ -5,7 +5,11 @@ Knows a `RunResult`; whatever came from a user or a file is escaped by `report.m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from dnb_edge.race.standings import TheoreticalLap, best_theoretical
 from dnb_edge.report.judged import judged
+from dnb_edge.report.lap_style import lap_name
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.run import RunResult
 from dnb_edge.values import Incident, Lap, SectorTime, Standing
@@ -43,29 +47,50 @@ def _standing(row: Standing) -> tuple[str, ...]:
         f"{row.valid_laps} valid of {row.laps}",
         number(row.value, "{:.4f}"),
         number(row.sigma, "{:.4f}"),
-        number(row.gap, "{:.4f}"),
-        number(row.interval, "{:.4f}"),
+        _behind(row.gap, row.gap_laps),
+        _behind(row.interval, row.interval_laps),
     )
+
+
+def _behind(value: float | None, laps: int | None) -> str:
+    """How far a car is behind, in laps where times say nothing."""
+    if value is None and laps is not None:
+        return f"+{laps} lap{'' if laps == 1 else 's'}"
+    return number(value, "{:.4f}")
 
 
 def _sectors(result: RunResult) -> str:
     laps = [lap for lap in result.laps if lap.sectors]
     if not laps:
         return ""
-    several = len({lap.car for lap in result.laps}) > 1
+    several = result.several_cars
     headings = ["Lap", *(f"Sector {one.number} (s)" for one in laps[0].sectors)]
     rows = [[_lap_name(lap, several=several), *map(_sector, lap.sectors)] for lap in laps]
-    best = _best_sectors(laps)
-    if best is not None and not several:
-        rows.append(["best of each", *(f"{time_s:.4f}" for time_s in best)])
+    sums = []
+    for car in sorted({lap.car for lap in laps}):
+        mine = [lap for lap in laps if lap.car == car]
+        best = best_theoretical(mine)
+        if best is not None:
+            who = f"car {car}, best of each" if several else "best of each"
+            rows.append([who, *_best_of_each(best, mine)])
+            sums.append(f"{f'of car {car} ' if several else ''}{best.time_s:.4f} {PLUS_MINUS} {best.sigma_s:.4f} s")
     caption = f"Times between the sector lines, {PLUS_MINUS} sigma"
-    if best is not None and not several:
-        caption += f"; the best sectors together would make a lap of {sum(best):.4f} s"
+    if sums:
+        caption += f"; the best sectors together would make a lap of {', '.join(sums)}"
     return plain_table(caption, headings, rows)
 
 
+def _best_of_each(best: TheoreticalLap, laps: Sequence[Lap]) -> list[str]:
+    """Each sector's least time, with the lap in which it was driven."""
+    by_number = {lap.number: {one.number: one for one in lap.sectors} for lap in laps}
+    return [
+        f"{number(by_number[lap][sector].time_s, '{:.4f}')} (lap {lap})"
+        for sector, lap in enumerate(best.laps, start=1)
+    ]
+
+
 def _lap_name(lap: Lap, *, several: bool) -> str:
-    return f"car {lap.car}, lap {lap.number}" if several else str(lap.number)
+    return lap_name(lap, several=True) if several else str(lap.number)
 
 
 def _sector(sector: SectorTime) -> str:
@@ -74,17 +99,10 @@ def _sector(sector: SectorTime) -> str:
     return f"{sector.time_s:.4f}" + ("" if sector.sigma_s is None else f" {PLUS_MINUS} {sector.sigma_s:.4f}")
 
 
-def _best_sectors(laps: list[Lap]) -> list[float] | None:
-    """The least time of each sector over the valid laps; None where a sector has none."""
-    times = [[lap.sectors[i].time_s for lap in laps if lap.valid] for i in range(len(laps[0].sectors))]
-    known = [[time_s for time_s in one if time_s is not None] for one in times]
-    return [min(one) for one in known] if all(known) else None
-
-
 def _incidents(result: RunResult) -> str:
     if not result.incidents:
         return ""
-    several = len({lap.car for lap in result.laps}) > 1
+    several = result.several_cars
     rows = "".join(
         _incident(one, result.thumbnails.get((one.car, one.number)), several=several) for one in result.incidents
     )

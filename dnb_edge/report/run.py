@@ -6,16 +6,21 @@ line fills a `RunResult` from a live run or from a recording alike.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled
-from dnb_edge.track.model import START_LINE, Track
+from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.values import (
     BgrImage,
     Crossing,
+    EntryInfo,
     Event,
     Health,
     Incident,
@@ -29,10 +34,35 @@ from dnb_edge.values import (
     path_points,
 )
 
+Stamps: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StampedPath:
+    """A lap's driven path with the instants of its points."""
+
+    t_ns: Stamps
+    """(n,), rising."""
+    track_m: Points
+    """(n, 2), track m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RulesInForce:
+    """By which rules the laps of a result were judged."""
+
+    name: str
+    """The rule set's."""
+    version: str
+    digest: str
+    """Stands for all rules in force."""
+    changed: str | None = None
+    """What was changed since the run itself, in words; None where nothing was."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunResult:
-    """One run of one entry. `paths_m` goes with `laps`, one for one."""
+    """One run of one entry. `paths_m` goes with `laps`, one for one, and `stamps_ns` with `paths_m`."""
 
     entry: str
     """Who drove: the name in the result table."""
@@ -44,6 +74,13 @@ class RunResult:
     crossings: tuple[Crossing, ...] = ()
     paths_m: tuple[Points, ...] = ()
     """The driven path of each lap, (n, 2), track m; (0, 2) where it was not seen."""
+    stamps_ns: tuple[Stamps, ...] = ()
+    """When the points of each path were passed, (n,), rising; empty altogether where that is not known."""
+    driver: EntryInfo | None = None
+    """The entry with all that is known of it; None where there is no more than its name."""
+    session: str | None = None
+    rules: RulesInForce | None = None
+    """None where they are not known."""
     raw_laps: tuple[Lap, ...] = ()
     """As the race made them, before a judge's edits; empty where there are none of those."""
     edits: tuple[Edit, ...] = ()
@@ -75,6 +112,8 @@ class RunResult:
     def __post_init__(self) -> None:
         if len(self.paths_m) != len(self.laps):
             raise ValueError(f"run of {self.entry!r}: {len(self.laps)} laps with {len(self.paths_m)} paths")
+        if self.stamps_ns and [*map(len, self.stamps_ns)] != [*map(len, self.paths_m)]:
+            raise ValueError(f"run of {self.entry!r}: the stamps do not go with the paths, point by point")
 
     @classmethod
     def from_events(cls, events: Iterable[Event], *, entry: str, source_uri: str, track: Track, **facts: Any) -> Self:
@@ -93,6 +132,7 @@ class RunResult:
                     "detected_frames": event.detected_frames,
                     "recording": event.recording,
                 }
+        paths = stamped_paths(laps, observations, crossings)
         return cls(
             entry=entry,
             source_uri=source_uri,
@@ -102,7 +142,8 @@ class RunResult:
             crossings=crossings,
             incidents=tuple(event for event in kept if isinstance(event, Incident)),
             standings=next((event for event in reversed(kept) if isinstance(event, Standings)), None),
-            paths_m=lap_paths(laps, observations, crossings),
+            paths_m=tuple(path.track_m for path in paths),
+            stamps_ns=tuple(path.t_ns for path in paths),
             **(gathered | facts),
         )
 
@@ -111,30 +152,52 @@ class RunResult:
         mine = (score for score in self.scores if (score.lap, score.target_id) == (lap.number, lap.target_id))
         return next(mine, None)
 
+    @property
+    def several_cars(self) -> bool:
+        """Whether laps are of more than one car, so that a lap's number alone does not name it."""
+        return len({lap.car for lap in self.laps}) > 1
+
 
 def lap_paths(
     laps: Sequence[Lap], observations: Sequence[Observation], crossings: Sequence[Crossing] = ()
 ) -> tuple[Points, ...]:
-    """The driven path of each lap, (n, 2), track m, in the order of time: from the crossing that began the lap, over
-    what was seen of the car, to the crossing that ended it.
+    """The points of `stamped_paths`."""
+    return tuple(path.track_m for path in stamped_paths(laps, observations, crossings))
+
+
+def stamped_paths(
+    laps: Sequence[Lap], observations: Sequence[Observation], crossings: Sequence[Crossing] = ()
+) -> tuple[StampedPath, ...]:
+    """The driven path of each lap in the order of time: from the crossing that began the lap, over what was seen of the car, to
+    the crossing that ended it, each instant once.
 
     Where the crossings say which target drove the lap, other targets' observations are left out.
     """
-    at = {crossing.t_ns: crossing for crossing in crossings if crossing.line == START_LINE}
-    return tuple(_path(lap, observations, at.get(lap.start_t_ns), at.get(lap.end_t_ns)) for lap in laps)
+    at = {(crossing.car, crossing.t_ns): crossing for crossing in crossings if crossing.line in _LAP_LINES}
+    ordered = sorted(observations, key=_t_ns)
+    paths = []
+    for lap in laps:
+        first, last = bisect_right(ordered, lap.start_t_ns, key=_t_ns), bisect_left(ordered, lap.end_t_ns, key=_t_ns)
+        ends = [at.get((lap.car, t_ns)) for t_ns in (lap.start_t_ns, lap.end_t_ns)]
+        paths.append(_path(ordered[first:last], [crossing for crossing in ends if crossing is not None]))
+    return tuple(paths)
 
 
-def _path(lap: Lap, observations: Sequence[Observation], start: Crossing | None, end: Crossing | None) -> Points:
-    drivers = {crossing.target_id for crossing in (start, end) if crossing is not None}
-    seen = [
-        (observation.t_ns, observation.track_m)
-        for observation in observations
-        if lap.start_t_ns < observation.t_ns < lap.end_t_ns
-        and (not drivers or observation.target_id is None or observation.target_id in drivers)
-    ]
-    points: list[PointM] = [track_m for _, track_m in sorted(seen)]
-    if start is not None:
-        points.insert(0, start.track_m)
-    if end is not None:
-        points.append(end.track_m)
-    return path_points(points)
+_LAP_LINES = (START_LINE, FINISH_LINE)
+"""Lines at which laps begin and end."""
+
+
+def _t_ns(observation: Observation) -> int:
+    return observation.t_ns
+
+
+def _path(observations: Sequence[Observation], ends: Sequence[Crossing]) -> StampedPath:
+    """The path over the `observations` made meanwhile and the crossings at its `ends`, as far as they are known."""
+    drivers = {crossing.target_id for crossing in ends}
+    seen: dict[int, PointM] = {}
+    for observation in observations:
+        if not drivers or observation.target_id is None or observation.target_id in drivers:
+            seen.setdefault(observation.t_ns, observation.track_m)
+    seen |= {crossing.t_ns: crossing.track_m for crossing in ends}
+    t_ns = sorted(seen)
+    return StampedPath(t_ns=np.array(t_ns, dtype=np.int64), track_m=path_points([seen[one] for one in t_ns]))

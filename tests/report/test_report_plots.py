@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dnb_edge.report.plots import LAP_COLOURS, lap_times_picture, path_picture, round_length_m
+from dnb_edge.report.lap_style import LAP_COLOURS
+from dnb_edge.report.plots import lap_times_picture, path_picture
 from dnb_edge.report.run import RunResult
+from dnb_edge.report.track_map import round_length_m
 
 
 def pixels(png: bytes) -> np.ndarray:
@@ -23,11 +25,11 @@ def pixels(png: bytes) -> np.ndarray:
 
 def has_colour(image: np.ndarray, colour: str) -> np.ndarray:
     rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-    return (np.abs(image.astype(int) - rgb[::-1]) < 12).all(axis=2)
+    return np.asarray((np.abs(image.astype(int) - rgb[::-1]) < 12).all(axis=2))
 
 
 @pytest.mark.parametrize("picture", [path_picture, lap_times_picture])
-def test_each_lap_is_drawn_in_its_own_colour(picture: Callable, result: Callable[..., RunResult]) -> None:
+def test_each_lap_is_drawn_in_its_own_colour(picture: Callable[..., bytes], result: Callable[..., RunResult]) -> None:
     """Every lap's colour is on the picture, and the next colour in the row is not."""
     image = pixels(picture(result()))
     counts = [has_colour(image, colour).sum() for colour in LAP_COLOURS[:4]]
@@ -39,7 +41,9 @@ def test_the_tracks_top_is_the_pictures_top(result: Callable[..., RunResult]) ->
     """A path in the track's upper half (y up) is drawn in the upper half of the picture, left where x is small."""
     run = result(lap_times_s=(10.0,))
     path = np.column_stack((np.linspace(0.6, 1.8, 50), np.full(50, 2.0)))
-    rows, columns = np.nonzero(has_colour(pixels(path_picture(replace(run, paths_m=(path,))))[:450], LAP_COLOURS[0]))
+    rows, columns = np.nonzero(
+        has_colour(pixels(path_picture(replace(run, paths_m=(path,), stamps_ns=())))[:450], LAP_COLOURS[0])
+    )
     assert len(rows) > 100
     assert rows.max() < 200
     assert columns.max() < 500
@@ -53,7 +57,7 @@ def test_the_twin_lies_under_the_path_in_register(result: Callable[..., RunResul
     twin = np.full((960, 1760, 3), 255, np.uint8)
     cv2.circle(twin, (round(u), round(v)), 40, (0, 0, 255), -1)
     path = spot_m + np.array([[-0.02, 0.0], [0.02, 0.0]])
-    image = pixels(path_picture(replace(run, paths_m=(path,), twin=twin)))
+    image = pixels(path_picture(replace(run, paths_m=(path,), stamps_ns=(), twin=twin)))
     mark = (image[:, :, 2].astype(int) - image[:, :, 0] > 80)[:450]
     drawn = has_colour(image, LAP_COLOURS[0])[:450]
     centre = [np.mean(np.nonzero(mask), axis=1) for mask in (mark, drawn)]
@@ -63,7 +67,7 @@ def test_the_twin_lies_under_the_path_in_register(result: Callable[..., RunResul
 @pytest.mark.parametrize("picture", [path_picture, lap_times_picture])
 @pytest.mark.parametrize("picture_format", ["png", "svg"])
 def test_the_same_run_gives_the_same_bytes(
-    picture: Callable, picture_format: str, result: Callable[..., RunResult]
+    picture: Callable[..., bytes], picture_format: str, result: Callable[..., RunResult]
 ) -> None:
     """No date and no random identifier gets into a picture."""
     run = result()
@@ -74,7 +78,9 @@ def test_the_same_run_gives_the_same_bytes(
 
 @pytest.mark.parametrize("laps", [0, 1, 40])
 @pytest.mark.parametrize("picture", [path_picture, lap_times_picture])
-def test_any_number_of_laps_can_be_drawn(picture: Callable, laps: int, result: Callable[..., RunResult]) -> None:
+def test_any_number_of_laps_can_be_drawn(
+    picture: Callable[..., bytes], laps: int, result: Callable[..., RunResult]
+) -> None:
     """No lap, one lap, and more laps than colours or legend rows."""
     assert pixels(picture(result(lap_times_s=(2.0,) * laps))).shape[1] > 600
 

@@ -36,7 +36,7 @@ def lap(number: int, sectors: tuple[float | None, ...], *, valid: bool = True, c
 @pytest.fixture
 def empty(result: Callable[..., RunResult]) -> RunResult:
     """A run in which nothing happened."""
-    return replace(result(), laps=(), paths_m=(), scores=(), incidents=(), standings=None, thumbnails={})
+    return replace(result(), laps=(), paths_m=(), stamps_ns=(), scores=(), incidents=(), standings=None, thumbnails={})
 
 
 def test_nothing_to_show_shows_nothing(empty: RunResult) -> None:
@@ -48,9 +48,11 @@ def test_sectors_and_the_lap_of_the_best_ones(empty: RunResult) -> None:
     """Every lap's sectors, and what the best of the valid laps would make together; a missing one is no nought."""
     laps = (lap(1, (3.0, 7.0)), lap(2, (2.0, None)), lap(3, (1.0, 1.0), valid=False))
     page = race_sections(replace(empty, laps=laps, paths_m=(empty.track.centreline.points_m,) * 3))
+    assert "<td>2.0000 (lap 2)</td>" in page
+    assert "<td>7.0000 (lap 1)</td>" in page
     assert "<td>3.0000 \N{PLUS-MINUS SIGN} 0.0030</td>" in page
     assert "<td>\N{EN DASH}</td>" in page
-    assert "a lap of 9.0000 s" in page
+    assert "a lap of 9.0000 \N{PLUS-MINUS SIGN}" in page
 
 
 def test_incidents_with_their_picture(empty: RunResult) -> None:
