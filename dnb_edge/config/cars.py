@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field, WithJsonSchema
 
-from dnb_edge.config.sections import STRICT, Number, Whole
+from dnb_edge.config.sections import STRICT, Name, Number, Whole
 
 
 def _from_hex(value: Any) -> Any:
@@ -49,7 +49,7 @@ class CarConfig(BaseModel):
 
     model_config = STRICT
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     """What standings and boards call it."""
     marker: Annotated[Whole, Field(ge=0)] | None = None
     """Number of the marker on its roof, for the detector `markers`."""

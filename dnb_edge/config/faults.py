@@ -57,5 +57,7 @@ def _what(mistake: Any, path: KeyPath, model: type[BaseModel]) -> str:
         return "is missing: add it"
     if mistake["type"] == "model_type":
         return "must be a mapping of keys, {} for none"
+    if mistake["type"] == "too_long":
+        return f"{mistake['ctx']['actual_length']} are too many: {mistake['ctx']['max_length']} at most"
     text = str(mistake["msg"]).removeprefix("Value error, ")
     return text[0].lower() + text[1:]

@@ -13,12 +13,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from dnb_edge import wire
 from dnb_edge.config.faults import explain
 from dnb_edge.config.schema import Format, Laps, Penalties, Scoring, Start, names_a_file
-from dnb_edge.config.sections import STRICT, Whole
+from dnb_edge.config.sections import STRICT, Name, Whole
 from dnb_edge.config.text import KeyPath, parse_lines
 from dnb_edge.errors import InputError
 from dnb_edge.race.rules import PenaltyRules, StartMode
@@ -39,7 +39,7 @@ class RuleSetFile(BaseModel):
 
     model_config = STRICT
 
-    name: str = Field(min_length=1)
+    name: Name
     """What results call it."""
     version: Whole | str = 1
     """To be raised with each change that makes results another thing."""

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
 
 from dnb_edge.config.cars import CarConfig, told_apart
-from dnb_edge.config.sections import STRICT, Number, Whole, section, to_settings
+from dnb_edge.config.sections import STRICT, Name, Number, Text, Whole, section, to_settings
 from dnb_edge.motion.settings import MOST_CARS, MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, check_together
@@ -60,26 +60,6 @@ ConfigPath = Annotated[Path, BeforeValidator(_resolve)]
 
 DataPath = Annotated[Path, BeforeValidator(_resolve_data)]
 """A path to input data; relative ones are relative to `data_dir` if that is given, else to the config file."""
-
-
-def _text(value: Any) -> Any:
-    if value is not None and not isinstance(value, str):
-        raise ValueError("must be text: write it in quotes")
-    return value
-
-
-Text = Annotated[str, BeforeValidator(_text)]
-"""Text; what YAML takes for a number (a version 1.10, say) is refused, since its zeros are lost."""
-
-
-def _name(value: Any) -> Any:
-    if value is None or not _text(value).strip():
-        raise ValueError("is blank: say who, what or which")
-    return value
-
-
-Name = Annotated[str, BeforeValidator(_name)]
-"""Text that is not blank."""
 
 Positive = Annotated[Number, Field(gt=0)]
 Pixel = tuple[Number, Number]

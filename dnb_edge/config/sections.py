@@ -16,7 +16,7 @@ import typing
 from functools import cache
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, create_model, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model, model_validator
 
 Number = Annotated[float, Strict()]
 """A number; text and booleans are none."""
@@ -27,6 +27,25 @@ Whole = Annotated[int, Strict()]
 STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 """What every part of the configuration obeys: no unknown keys, no infinities, no change after loading."""
 
+
+def _text(value: Any) -> Any:
+    if value is not None and not isinstance(value, str):
+        raise ValueError("must be text: write it in quotes")
+    return value
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+"""Text; what YAML takes for a number (a version 1.10, say) is refused, since its zeros are lost."""
+
+
+def _name(value: Any) -> Any:
+    if value is None or not _text(value).strip():
+        raise ValueError("is blank: say who, what or which")
+    return value
+
+
+Name = Annotated[str, BeforeValidator(_name)]
+"""Text that is not blank."""
 
 Settings = TypeVar("Settings")
 

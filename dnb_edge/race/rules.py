@@ -8,13 +8,33 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from dnb_edge.values import IncidentKind
+
+MOST_S = 1e6
+"""No time in the rules is longer, seconds (eleven days): what is longer is a slip, and nanoseconds of it overflow."""
+
+MOST_M = 1e3
+"""No length in the rules is greater, metres."""
+
+MOST = 1_000_000
+"""No count in the rules is greater."""
+
+
+def _check(section: str, rules: object, names: Sequence[str], *, most: float, positive: bool = False) -> None:
+    """Raises `ValueError` for the first of `names` that is given and negative (or 0 where `positive`), or above `most`."""
+    for name in names:
+        value, key = getattr(rules, name), f"{section}.{name}" if section else name
+        if value is None:
+            continue
+        if not (value > 0 if positive else value >= 0):
+            raise ValueError(f"{key}: {value} must {'be positive' if positive else 'not be negative'}")
+        if value > most:
+            raise ValueError(f"{key}: {value} is too much, at most {most:g}")
 
 
 class Footprint(StrEnum):
@@ -66,8 +86,13 @@ class LapRules:
             raise ValueError(f"race.laps: {self.laps} is too few, at least 1 is needed")
         if not 0 <= self.min_progress <= 1:
             raise ValueError(f"race.min_progress: {self.min_progress} must lie between 0 and 1")
-        if not self.max_gap_s > 0 or self.min_lap_s < 0:
-            raise ValueError("race: max_gap_s must be positive and min_lap_s not negative")
+        _check("race", self, ("max_gap_s", "stalled_s", "max_lap_s"), most=MOST_S, positive=True)
+        _check("race", self, ("min_lap_s", "off_lane_s"), most=MOST_S)
+        lengths = ("car_length_m", "car_width_m", "wrong_way_m", "short_cut_m", "lifted_m")
+        _check("race", self, lengths, most=MOST_M, positive=True)
+        _check("race", self, ("laps",), most=MOST)
+        if not abs(self.off_lane_margin_m) <= MOST_M:
+            raise ValueError(f"race.off_lane_margin_m: {self.off_lane_margin_m:g} is more than {MOST_M:g}")
         if self.max_lap_s is not None and self.max_lap_s <= self.min_lap_s:
             raise ValueError(f"race.max_lap_s: {self.max_lap_s} must be more than min_lap_s, {self.min_lap_s}")
         if self.off_lane is not Footprint.CENTRE and (self.car_length_m is None or self.car_width_m is None):
@@ -103,11 +128,9 @@ class StartRules:
     """A car that has moved further before the start has jumped it, metres."""
 
     def __post_init__(self) -> None:
-        for name in ("grid_m", "still_s", "jump_m"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"start.{name}: {getattr(self, name)} must be positive")
-        if self.countdown_s < 0 or self.random_s < 0:
-            raise ValueError("start: countdown_s and random_s must not be negative")
+        _check("start", self, ("grid_m", "jump_m"), most=MOST_M, positive=True)
+        _check("start", self, ("still_s",), most=MOST_S, positive=True)
+        _check("start", self, ("countdown_s", "random_s"), most=MOST_S)
 
 
 class Ranking(StrEnum):
@@ -149,10 +172,9 @@ class FormatRules:
     """So many laps at the beginning are shown but not ranked."""
 
     def __post_init__(self) -> None:
-        if self.time_limit_s is not None and not self.time_limit_s > 0:
-            raise ValueError(f"format.time_limit_s: {self.time_limit_s} must be positive")
-        if self.best_of < 1 or self.warm_up_laps < 0:
-            raise ValueError("format: best_of must be at least 1 and warm_up_laps not negative")
+        _check("format", self, ("time_limit_s",), most=MOST_S, positive=True)
+        _check("format", self, ("best_of",), most=MOST, positive=True)
+        _check("format", self, ("warm_up_laps",), most=MOST)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,12 +193,10 @@ class Effect:
     """So many of the kind cost nothing, for each car and run."""
 
     def __post_init__(self) -> None:
-        if self.seconds < 0 or not math.isfinite(self.seconds):
-            raise ValueError(f"seconds: {self.seconds} must not be negative")
+        _check("", self, ("seconds",), most=MOST_S)
+        _check("", self, ("free",), most=MOST)
         if not 0 <= self.factor <= 1:
             raise ValueError(f"factor: {self.factor} must lie between 0 and 1")
-        if self.free < 0:
-            raise ValueError(f"free: {self.free} must not be negative")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

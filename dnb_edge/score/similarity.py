@@ -23,6 +23,10 @@ HEADING_ARM_M = 0.05
 neither the points' noise nor the frame rate tells in it, metres."""
 
 
+MOST_POINTS = 10_000
+"""Time and memory go with the square of `score.points`, and 500 tell millimetres: more than this would only stop the race."""
+
+
 class Metric(StrEnum):
     """Which distance the similarity is made of."""
 
@@ -52,6 +56,8 @@ class ScoreSettings:
     def __post_init__(self) -> None:
         if self.points < 2:
             raise ValueError(f"score.points: {self.points} is too few, at least 2 are needed")
+        if self.points > MOST_POINTS:
+            raise ValueError(f"score.points: {self.points} is too many, at most {MOST_POINTS}")
         if not (self.baseline_m > 0 and math.isfinite(self.baseline_m)):
             raise ValueError(f"score.baseline_m: {self.baseline_m} must be a positive length")
         if self.clamp_m is not None and not self.clamp_m > 0:
