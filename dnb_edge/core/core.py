@@ -5,6 +5,8 @@ Knows the order of things within a frame. See `dnb_edge.core` for what the core 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from dnb_edge.core.field import Field
 from dnb_edge.core.setup import CoreSetup
 from dnb_edge.core.sight import Sight
@@ -14,7 +16,7 @@ from dnb_edge.motion.target import Followed
 from dnb_edge.race.fix import Fix, FrameStamps
 from dnb_edge.race.seats import Seats
 from dnb_edge.race.standings import CarResult
-from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState, path_points
+from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState
 
 
 class Core:
@@ -30,6 +32,8 @@ class Core:
         self._field = Field(setup, self._views, tell_running=tell_running)
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
+        self._stamps = FrameStamps(row_s=setup.row_s, height_px=setup.ground.height_px)
+        self._told: set[int] = set()
 
     @property
     def finished(self) -> bool:
@@ -50,33 +54,49 @@ class Core:
             for detection in found.detections
             if (sighting := self._sight.sighting(detection, found.t_ns, t_s)) is not None
         ]
-        known = {target.target_id for target in self._follower.followed if target.state is not TargetState.TENTATIVE}
-        targets = [
-            target
-            for target in self._follower.step(found.t_ns, sightings)
-            if target.state is TargetState.CONFIRMED or target.target_id in known
-        ]
-        stamps = FrameStamps(source=found.stamp_source, row_s=self._setup.row_s, height_px=self._setup.ground.height_px)
-        followed = {target.target_id for target in self._follower.followed}
+        if found.stamp_source is not self._stamps.source:
+            self._stamps = replace(self._stamps, source=found.stamp_source)
         events: list[Event] = []
         fixes: dict[int, list[Fix]] = {}
         waiting = set()
-        for target in targets:
-            seat = self._seats.of(target.target_id, target.looks, followed)
-            events.append(target.as_value(t_s))
+        for target in self._follower.step(found.t_ns, sightings):
+            if not self._is_told(target):
+                continue
+            seat = self._seat(target)
             if seat is None:
+                events.append(target.as_value(t_s))
                 continue
             car = self._field.entrants[seat].race
             seen = car.news([] if _is_held(target) else target.pending)
-            events[-1:] = [*seen, events[-1]]
+            events += seen
+            events.append(target.as_value(t_s))
             fixes[seat] = fixes.get(seat, []) + car.fixes(
-                seen, target_id=target.target_id, t_ns=found.t_ns, track_m=target.estimate.track_m, stamps=stamps
+                seen, target_id=target.target_id, t_ns=found.t_ns, track_m=target.estimate.track_m, stamps=self._stamps
             )
             if _is_held(target):
                 waiting.add(seat)
         events += self._field.frame(found.t_ns, fixes, waiting=waiting)
         self._adopt()
         return events
+
+    def _is_told(self, target: Followed) -> bool:
+        """Whether a target is one to tell of: a confirmed one, to its end."""
+        if target.state is TargetState.CONFIRMED:
+            self._told.add(target.target_id)
+            return True
+        if target.target_id not in self._told:
+            return False
+        if target.state is TargetState.LOST:
+            self._told.discard(target.target_id)
+        return True
+
+    def _seat(self, target: Followed) -> int | None:
+        """The car that a target is; None for one that does not take part."""
+        seat = self._seats.held_by(target.target_id)
+        if seat is None:
+            followed = {one.target_id for one in self._follower.followed}
+            seat = self._seats.of(target.target_id, target.looks, followed)
+        return seat
 
     def _adopt(self) -> None:
         """Takes what is parked on the grid for cars while standing cars are awaited there: nothing else makes them cars."""
@@ -85,7 +105,7 @@ class Core:
             return
         route = self._setup.track.centreline
         for target in self._follower.parked:
-            (s_m,), _ = (values.tolist() for values in route.locate(path_points([target.first.track_m])))
+            s_m, _ = route.locate_point(target.first.track_m)
             if 0 < grid.before_m(s_m) <= self._setup.start.grid_m:
                 self._follower.adopt(target.target_id)
 

@@ -15,6 +15,7 @@ from dnb_edge.core.setup import CoreSetup
 from dnb_edge.core.views import ViewLog
 from dnb_edge.race.car import CarRace, Passed
 from dnb_edge.race.fix import Fix
+from dnb_edge.race.lap_table import LapState
 from dnb_edge.race.laps import DrivenLap
 from dnb_edge.race.rules import StartMode
 from dnb_edge.race.standings import CarResult, standings
@@ -37,6 +38,7 @@ class Field:
         self._numbers = 0
         self._final = False
         self._grid = setup.start.mode is StartMode.GRID
+        self._states: dict[int, LapState] = {}
         self._places = Grid.of(setup.track)
         self._start = StartProcedure(
             setup.start,
@@ -100,9 +102,12 @@ class Field:
     def _begun(self, t_ns: int, fixes: Mapping[int, Sequence[Fix]]) -> list[Event]:
         """What the start procedure says of a frame: phases, countdown, and cars that moved too early."""
         assert self._first_t_ns is not None, "a frame is told before"
+        states = {seat + 1: entrant.race.laps.state for seat, entrant in enumerate(self.entrants)}
+        if states == self._states and self._start.phase not in (RacePhase.WAITING, RacePhase.COUNTDOWN):
+            return []
+        self._states = states
         waited = self._start.go_t_ns is None
         latest = {seat + 1: new[-1] for seat, new in fixes.items() if new}
-        states = {seat + 1: entrant.race.laps.state for seat, entrant in enumerate(self.entrants)}
         events: list[Event] = []
         for news in self._start.step(t_ns, (t_ns - self._first_t_ns) * 1e-9, latest, states):
             if isinstance(news, Incident):

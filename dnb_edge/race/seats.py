@@ -20,6 +20,10 @@ class Seats:
         self._cars = tuple(cars)
         self._by_target: dict[int, int] = {}
 
+    def held_by(self, target_id: int) -> int | None:
+        """The seat that the target has already; None where it has none."""
+        return self._by_target.get(target_id)
+
     def of(self, target_id: int, looks: Appearance, followed: Collection[int]) -> int | None:
         """The seat of a target, given one where it has none yet; None for a car that does not take part.
 
