@@ -51,7 +51,7 @@ def run(
         bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")
     ] = False,
     observations: Annotated[
-        bool, typer.Option("--observations", help="With --json: one line a frame as well.")
+        bool, typer.Option("--observations", help="With --json: one line a frame and the running laps as well.")
     ] = False,
 ) -> None:
     """Time and score laps, live.

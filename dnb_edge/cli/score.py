@@ -28,7 +28,7 @@ def score(
         bool, typer.Option("--json", help="One JSON object a line, as `run --json` prints them.")
     ] = False,
     observations: Annotated[
-        bool, typer.Option("--observations", help="With --json: one line a frame as well.")
+        bool, typer.Option("--observations", help="With --json: one line a frame and the running laps as well.")
     ] = False,
     rules: OtherRules = None,
     lines: OtherLines = None,

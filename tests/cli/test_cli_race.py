@@ -57,12 +57,14 @@ def test_score_for_people_names_every_lap(race: Race) -> None:
 
 
 def test_observations_are_added_and_nothing_else_changes(watched: Ran, pristine: Path, clip: Path) -> None:
-    """Two runs over one clip print the same bytes, but for the observations, one a frame, that --observations adds."""
+    """Two runs over one clip print the same bytes, but for the observations, one a frame, and the running laps that
+    --observations adds."""
     assert (watched.code, watched.err) == (0, "")
     plain = edge("run", "--config", pristine / "demo.yaml", "--source", f"file:{clip}", "--json")
     assert (plain.code, plain.err) == (0, "")
     lines = watched.out.splitlines()
-    assert [line for line in lines if json.loads(line)["event"] != "observation"] == plain.out.splitlines()
+    added = ("observation", "running")
+    assert [line for line in lines if json.loads(line)["event"] not in added] == plain.out.splitlines()
     observations = watched.of("observation")
     assert [one["t_ns"] for one in observations] == sorted({one["t_ns"] for one in observations})
     assert len(observations) >= 0.98 * CLIP_FRAMES
@@ -77,7 +79,8 @@ def test_two_runs_over_one_clip_are_identical(watched: Ran, pristine: Path, clip
 
 def test_a_run_prints_json_only_and_its_summary_last(watched: Ran) -> None:
     """Every line of stdout is an object with `event`; `run` comes once, at the end, with the counts."""
-    assert {event["event"] for event in watched.events} == {"observation", "crossing", "health", "run"}
+    kinds = {"observation", "crossing", "running", "race", "standings", "health", "run"}
+    assert {event["event"] for event in watched.events} == kinds
     assert [event["event"] for event in watched.events].count("run") == 1
     end = watched.events[-1]
     assert end == {
