@@ -78,7 +78,7 @@ def along_picture(result: RunResult, *, picture_format: PictureFormat = "png") -
         _frame(axes, result.track)
     _name_sectors(every[0], result.track)
     every[-1].set_xlabel("along the route, s (m)", color=INK)
-    legend(figure, every[0], columns=4 if several else 5)
+    legend(figure, every[0])
     return encoded(figure, picture_format)
 
 
@@ -119,15 +119,16 @@ def _laterals(drawn: Sequence[_Drawn], track: Track, several: bool, axes: Axes) 
 
 
 def _mark(axes: Axes, s_m: float, off_m: float, room_m: float, words: str) -> None:
-    """A ring round the greatest excursion, at the panel's edge where it lies beyond, and the words beside it."""
+    """A ring round the greatest excursion, at the panel's edge where it lies beyond, and the words off the lines."""
     low_m, high_m = axes.dataLim.intervalx
     shown_m = float(np.clip(off_m, -0.95 * room_m, 0.95 * room_m))
     axes.plot(s_m, shown_m, "o", markersize=10, markerfacecolor="none", markeredgecolor=INK, zorder=5)
     is_left = s_m < 0.5 * (low_m + high_m)
+    is_up = (shown_m > 0) == (abs(shown_m) < 0.7 * room_m)
     axes.annotate(
         words,
         (s_m, shown_m),
-        (9 if is_left else -9, 9 if off_m < 0 else -9),
+        (9 if is_left else -9, 11 if is_up else -11),
         textcoords="offset points",
         ha="left" if is_left else "right",
         va="center",

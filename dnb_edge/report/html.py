@@ -19,7 +19,7 @@ from dnb_edge.report import plots
 from dnb_edge.report.along import best_laps, drawn_laps
 from dnb_edge.report.along_plots import along_picture
 from dnb_edge.report.files import write_whole
-from dnb_edge.report.lap_style import lap_name
+from dnb_edge.report.lap_style import lap_name, time_words
 from dnb_edge.report.lap_table import lap_table
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.race import race_sections
@@ -71,16 +71,17 @@ def render(result: RunResult) -> str:
 def _pictures(result: RunResult) -> str:
     """The sections with pictures; those without anything to show are left out."""
     several = result.several_cars
-    lap_list = ", ".join(f"{lap_name(lap, several=several)} {lap.time_s:.3f} s" for lap in result.laps)
+    lap_list = ", ".join(f"{lap_name(lap, several=several)} {time_words(lap)}" for lap in result.laps)
     lap_list = lap_list or "no complete lap"
     left_out = _left_out(len(result.laps), len(drawn_laps(result.laps)))
+    sectors = len(result.track.sector_lines)
+    sector_names = f" At S1{f' to S{sectors}' if sectors > 1 else ''} sectors end." if sectors else ""
     parts = [
         "<section>\n<h2>Driven path</h2>",
         _figure(
             plots.path_picture(result),
             f"Map of the track with the driven path of each lap: {lap_list}",
-            f"The car's ground point on the track, each lap from line to line. S1, S2 \N{HORIZONTAL ELLIPSIS} are the lines "
-            f"at which sectors end.{left_out}",
+            f"The car's ground point on the track, each lap from line to line.{sector_names}{left_out}",
         ),
     ]
     worst, off = plots.farthest_off(result), plots.off_picture(result)

@@ -27,6 +27,12 @@ PAPER = "#ffffff"
 HALO = (effects.withStroke(linewidth=4.0, foreground=PAPER),)
 """Behind text that lies on something."""
 
+_LETTER_PX = 7.4
+"""Width of a letter or figure in a legend, at most."""
+
+_BESIDE_PX = 70.0
+"""Width of what is beside a name in a legend: its line and the space to the next column."""
+
 
 def colour(place: int) -> str:
     """The colour of the lap that is drawn in this place, from 0."""
@@ -51,20 +57,27 @@ def lap_name(lap: Lap, *, several: bool) -> str:
 def lap_label(lap: Lap, *, several: bool, best: bool) -> str:
     """The legend's words."""
     note = ", best" if best else "" if lap.valid else ", not valid"
-    return f"{lap_name(lap, several=several)}: {lap.time_s:.3f} s{note}"
+    return f"{lap_name(lap, several=several)}: {time_words(lap)}{note}"
 
 
-def legend(figure: Figure, axes: Axes, *, columns: int) -> None:
-    """What is named in `axes`, below the whole figure; nothing where nothing is."""
+def time_words(lap: Lap) -> str:
+    """`8.123 s`, or `8.123 + 5.000 s` with penalties."""
+    return f"{lap.time_s:.3f} + {lap.penalty_s:.3f} s" if lap.penalty_s > 0 else f"{lap.time_s:.3f} s"
+
+
+def legend(figure: Figure, axes: Axes) -> None:
+    """What is named in `axes`, below the whole figure, in as many columns as fit; nothing where nothing is."""
     handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        figure.legend(
-            handles,
-            labels,
-            loc="outside lower center",
-            ncols=min(len(handles), columns),
-            frameon=False,
-            fontsize=9.5,
-            columnspacing=1.4,
-            handlelength=2.4,
-        )
+    if not handles:
+        return
+    widest_px = max(map(len, labels)) * _LETTER_PX + _BESIDE_PX
+    figure.legend(
+        handles,
+        labels,
+        loc="outside lower center",
+        ncols=max(1, min(len(handles), int(figure.get_figwidth() * DPI / widest_px))),
+        frameon=False,
+        fontsize=9.5,
+        columnspacing=1.4,
+        handlelength=2.4,
+    )

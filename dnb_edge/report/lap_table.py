@@ -23,6 +23,10 @@ _DRIVEN_HEADINGS = (
 )
 
 
+_OPEN_ROWS = 20
+"""A longer second table is folded away."""
+
+
 def lap_table(result: RunResult) -> str:
     """All laps in their order, and how they were driven; a sentence where there is none."""
     if not result.laps:
@@ -54,7 +58,10 @@ def _driven(result: RunResult) -> str:
     if not result.scores:
         return ""
     caption = "How close to the route, and how fast. Lateral: distance from the centreline; s: along the route"
-    return plain_table(caption, ("Lap", *_DRIVEN_HEADINGS), rows)
+    table = plain_table(caption, ("Lap", *_DRIVEN_HEADINGS), rows)
+    if len(rows) <= _OPEN_ROWS:
+        return table
+    return f"<details><summary>How close to the route, and how fast</summary>\n{table}</details>"
 
 
 def _judges(result: RunResult) -> dict[tuple[int, int], tuple[str, ...]]:

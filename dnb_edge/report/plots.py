@@ -30,7 +30,7 @@ def path_picture(result: RunResult, *, picture_format: PictureFormat = "png") ->
     for place, (one, path_px) in enumerate(zip(drawn, paths_px, strict=True)):
         label = lap_label(one.lap, several=several, best=one.best)
         base.axes.plot(*path_px.T, **line_style(place, best=one.best), label=label)
-    legend(base.figure, base.axes, columns=4 if several else 5)
+    legend(base.figure, base.axes)
     return encoded(base.figure, picture_format)
 
 

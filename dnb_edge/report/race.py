@@ -64,19 +64,17 @@ def _sectors(result: RunResult) -> str:
     if not laps:
         return ""
     several = result.several_cars
-    headings = ["Lap", *(f"Sector {one.number} (s)" for one in laps[0].sectors)]
-    rows = [[_lap_name(lap, several=several), *map(_sector, lap.sectors)] for lap in laps]
-    sums = []
+    headings = ["", *(f"Sector {one.number} (s)" for one in laps[0].sectors), "Lap (s)"]
+    rows = [[lap_name(lap, several=several), *map(_sector, lap.sectors), f"{lap.time_s:.4f}"] for lap in laps]
     for car in sorted({lap.car for lap in laps}):
         mine = [lap for lap in laps if lap.car == car]
         best = best_theoretical(mine)
         if best is not None:
-            who = f"car {car}, best of each" if several else "best of each"
-            rows.append([who, *_best_of_each(best, mine)])
-            sums.append(f"{f'of car {car} ' if several else ''}{best.time_s:.4f} {PLUS_MINUS} {best.sigma_s:.4f} s")
-    caption = f"Times between the sector lines, {PLUS_MINUS} sigma"
-    if sums:
-        caption += f"; the best sectors together would make a lap of {', '.join(sums)}"
+            together = f"{best.time_s:.4f} {PLUS_MINUS} {best.sigma_s:.4f}"
+            rows.append([f"car {car}, best" if several else "best", *_best_of_each(best, mine), together])
+    caption = (
+        f"Times between the sector lines, {PLUS_MINUS} sigma. Best: of the valid laps, and the lap that it would make"
+    )
     return plain_table(caption, headings, rows)
 
 
@@ -87,10 +85,6 @@ def _best_of_each(best: TheoreticalLap, laps: Sequence[Lap]) -> list[str]:
         f"{number(by_number[lap][sector].time_s, '{:.4f}')} (lap {lap})"
         for sector, lap in enumerate(best.laps, start=1)
     ]
-
-
-def _lap_name(lap: Lap, *, several: bool) -> str:
-    return lap_name(lap, several=True) if several else str(lap.number)
 
 
 def _sector(sector: SectorTime) -> str:

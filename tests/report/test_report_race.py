@@ -52,7 +52,7 @@ def test_sectors_and_the_lap_of_the_best_ones(empty: RunResult) -> None:
     assert "<td>7.0000 (lap 1)</td>" in page
     assert "<td>3.0000 \N{PLUS-MINUS SIGN} 0.0030</td>" in page
     assert "<td>\N{EN DASH}</td>" in page
-    assert "a lap of 9.0000 \N{PLUS-MINUS SIGN}" in page
+    assert "<td>9.0000 \N{PLUS-MINUS SIGN}" in page
 
 
 def test_incidents_with_their_picture(empty: RunResult) -> None:
