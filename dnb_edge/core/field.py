@@ -23,7 +23,7 @@ from dnb_edge.race.start import Grid, StartProcedure
 from dnb_edge.score.live import LiveLap
 from dnb_edge.score.profile import lap_trace
 from dnb_edge.score.similarity import score_lap
-from dnb_edge.values import Crossing, Event, Incident, Lap, RacePhase, Score, Standings
+from dnb_edge.values import Crossing, Event, Incident, IncidentKind, Lap, RacePhase, Score, Standings
 from dnb_edge.view.across_line import across_sigma_m
 
 
@@ -39,6 +39,7 @@ class Field:
         self._final = False
         self._grid = setup.start.mode is StartMode.GRID
         self._states: dict[int, LapState] = {}
+        self._may_end = any(setup.penalties.of(kind).dnf for kind in IncidentKind)
         self._places = Grid.of(setup.track)
         self._start = StartProcedure(
             setup.start,
@@ -89,6 +90,8 @@ class Field:
             new = fixes.get(seat, ())
             running = entrant.seen(new)
             events += self._told(entrant, entrant.race.frame(t_ns, new, more_may_come=seat in waiting))
+            if self._may_end and seat not in waiting:
+                events += self._told(entrant, entrant.over(self._setup.penalties, t_ns))
             events += [numbered(one, self._number(entrant)) for one in running]
         if self.finished and not self._final:
             events += self._standings(final=True)
@@ -121,7 +124,7 @@ class Field:
         if self._grid and waited and self._start.go_t_ns is not None:
             for entrant in self.entrants:
                 entrant.race.laps.go(self._start.go_t_ns)
-                entrant.started(self._start.go_t_ns)
+                entrant.start_t_ns = self._start.go_t_ns
         return events
 
     def finish(self) -> list[Event]:

@@ -35,6 +35,9 @@ WAIT_S = 30.0
 LAG_S = 0.5
 """The latest fix waits for the next one, at most so long, seconds."""
 
+FOUND_S = 1.0
+"""So long, at most, after a car is seen again that is not yet known, seconds."""
+
 Passed: TypeAlias = Crossing | Incident | DrivenLap
 """A crossing with its status, an incident that ended, or the lap that the crossing before it completed."""
 
@@ -69,6 +72,7 @@ class LapMachine:
         self._last_t_ns = 0
         self._told = 0
         self._jump: Incident | None = None
+        self._left_m = 0.0
 
     @property
     def state(self) -> LapState:
@@ -103,6 +107,17 @@ class LapMachine:
         """The fixes of the running lap so far; empty outside laps."""
         lap = self._lap
         return () if lap is None else [fix for fix in (*lap.trace, *self._coming) if fix.t_ns > lap.start.t_ns]
+
+    @property
+    def driven_m(self) -> float:
+        """Metres of its route that the car has driven in the lap that runs, or in the one in which its race ended; else 0."""
+        return self._left_m if self._lap is None else self._lap.driven_m
+
+    def going_on(self, t_ns: int) -> list[Draft]:
+        """What goes on at `t_ns`, a frame's stamp, and is an incident already, in the order in which it became known."""
+        unseen_until_ns = 0 if self._coming else t_ns - round(FOUND_S * 1e9)
+        drafts = [] if self._lap is None else self._lap.so_far(unseen_until_ns)
+        return sorted(drafts, key=lambda draft: draft.end_t_ns)
 
     def frame(self, t_ns: int) -> None:
         """Says that a frame was looked at, whether the car was seen in it or not."""
@@ -193,6 +208,7 @@ class LapMachine:
             jump = () if self._jump is None or self._done > 1 else (self._jump,)
             told.append(ended.driven(crossing, car=self._car, before=jump))
             self._lap = None
+            self._left_m = 0.0
         elif passing in (Passing.ANEW, Passing.TOO_LATE):
             told += self._given_up(crossing.t_ns)
         self._state = state
@@ -285,6 +301,7 @@ class LapMachine:
         lap = self._lap
         if lap is not None:
             incidents += self._tell(lap.given_up(t_ns))
+            self._left_m = lap.driven_m
         self._lap = None
         return incidents
 

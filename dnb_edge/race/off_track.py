@@ -133,8 +133,13 @@ class OffTrack:
 
     def close(self) -> Draft | None:
         """The excursion so far, if it was too long; it is over."""
-        first, worst = self._first, self._worst
+        draft = self.so_far()
         self._first, self._worst, self._back = None, None, False
+        return draft
+
+    def so_far(self) -> Draft | None:
+        """The same, while it may go on."""
+        first, worst = self._first, self._worst
         if first is None or worst is None or self._last_t_ns - first.t_ns <= self._limit_ns:
             return None
         lasted_s = (self._last_t_ns - first.t_ns) * 1e-9

@@ -170,6 +170,10 @@ class OpenLap:
         text = f"the lap took longer than race.max_lap_s, {max_lap_s:g} s"
         return [self._of_lap(IncidentKind.TOO_SLOW, end_t_ns, last or self.start, text)]
 
+    def so_far(self, t_ns: int) -> list[Draft]:
+        """What goes on and is an incident already; see `LapWatch.so_far`."""
+        return self._watch.so_far(t_ns)
+
     def given_up(self, t_ns: int) -> list[Draft]:
         """What was going on when the lap was given up."""
         return self._watch.close(t_ns)

@@ -120,6 +120,12 @@ def judged_run(
     return judged_laps, tuple(penalty for of_lap in penalties.values() for penalty in of_lap)
 
 
+def ends_the_race(kind: IncidentKind, incidents: Iterable[Incident], rules: PenaltyRules) -> bool:
+    """Whether one more incident of `kind` in a lap, after `incidents`, would end the car's race."""
+    effect = rules.of(kind)
+    return effect.dnf and counted(incidents)[kind] >= effect.free
+
+
 def retires(incidents: Sequence[Incident], rules: PenaltyRules) -> Penalty | None:
     """The penalty that ends the car's race, of all its incidents so far in their order; None while it races on."""
     charged = [incident for incident in incidents if charged_to(incident) is not None]

@@ -64,7 +64,7 @@ class CarResult:
     elapsed_s: float | None = None
     """Time from there to the end of its race, or to now, seconds; None before its race began."""
     distance_m: float = 0.0
-    """Distance driven along the route in that time, metres."""
+    """Metres of the route driven in its laps, those that were given up before the last left out."""
     running: float = 0.0
     """Share of the lap that runs, or in which its race ended, that it has driven, 0..1; 0 where none runs."""
     penalties: tuple[Penalty, ...] = ()

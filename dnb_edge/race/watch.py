@@ -42,6 +42,11 @@ class LapWatch:
             found.append(self._wrong_way.feed(fix, self.way.net_m))
         return [draft for draft in found if draft is not None]
 
+    def so_far(self, t_ns: int) -> list[Draft]:
+        """What goes on and is an incident already, the car being unseen until `t_ns`; nothing ends by being asked for."""
+        found = (self._lost.close(t_ns), self._stalled.close(), self._off_track.so_far(), self._wrong_way.close())
+        return [draft for draft in found if draft is not None]
+
     def close(self, t_ns: int, over: Step | None = None) -> list[Draft]:
         """What goes on while the lap ends at `t_ns`. `over` is the step over its end, if any: a gap or a lift over the end is
         of both laps. What began after `t_ns` belongs to the next one.
