@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from dnb_edge.errors import InputError
 from dnb_edge.race.edit import Action, Edit, LapKey, undone
-from dnb_edge.race.mended import added_lap, merged_lap, priced
+from dnb_edge.race.mended import added_lap, merged_lap, pardoned, priced
 from dnb_edge.values import Crossing, Lap
 
 SAME_LAP = 2 / 3
@@ -175,7 +175,8 @@ class _Sheet:
                     "and end at its passes, or remove it first"
                 )
         number = key.number
-        if any((lap.car, lap.number) == (key.car, number) for lap in self._raw):
+        others = (*self._raw, *(one.lap for one in (*self.laps, *self.removed)))
+        if any((lap.car, lap.number) == (key.car, number) for lap in others):
             number = self._highest + edit.number
         self._insert(MarshalledLap(lap=added_lap(edit.added, number, self._crossings), raw=(), edits=(edit,)))
         return None
@@ -210,16 +211,20 @@ class _Sheet:
         return None
 
     def decide(self, edit: Edit) -> str | None:
-        """A penalty, a pardon or a note: what it means for the lap is worked out at the end."""
+        """A penalty, a pardon or a note. A judge's penalties are added at the end, so that no pardon takes them away."""
         if not edit.laps:
             self.notes.append(edit)
             return None
         found = self._find(edit, edit.laps[0])
         if isinstance(found, str):
             return found
-        if edit.action is Action.FORGIVE and (fault := _not_to_forgive(found, edit)) is not None:
-            return fault
-        self.laps[self.laps.index(found)] = replace(found, edits=(*found.edits, edit))
+        lap = found.lap
+        if edit.action is Action.FORGIVE:
+            if (fault := _not_to_forgive(found, edit)) is not None:
+                return fault
+            # At once: with what the lap is merged later was not forgiven.
+            lap = pardoned(lap, edit.offence)
+        self.laps[self.laps.index(found)] = replace(found, lap=lap, edits=(*found.edits, edit))
         return None
 
     def nothing(self, edit: Edit) -> str | None:  # noqa: ARG002 an undo works through what it takes back
@@ -278,22 +283,12 @@ def _official(one: MarshalledLap, ended: Ended | None) -> MarshalledLap:
 
 
 def _decided(lap: Lap, edits: Sequence[Edit]) -> Lap:
-    """`lap` after pardons and a judge's penalties; itself where there were none."""
-    pardons = [edit for edit in edits if edit.action is Action.FORGIVE]
-    given = [edit for edit in edits if edit.penalty is not None]
-    if not pardons and not given:
+    """`lap` after a judge's penalties; itself where there were none."""
+    given = [(edit, edit.penalty) for edit in edits if edit.penalty is not None]
+    if not given:
         return lap
-    offences = {edit.offence for edit in pardons}
-    forgiven = [one for one in lap.penalties if None in offences or one.offence in offences]
-    penalties = [one for one in lap.penalties if one not in forgiven]
-    excused = {one.reason for one in forgiven}
-    reasons = [reason for reason in lap.reasons if None not in offences and reason not in excused]
-    for edit in given:
-        assert edit.penalty is not None, "chosen by it"
-        penalties.append(edit.penalty)
-        if edit.penalty.invalid:
-            reasons.append(f"{edit.reason} (judge {edit.author})")
-    return priced(lap, penalties, reasons)
+    reasons = [f"{edit.reason} (judge {edit.author})" for edit, penalty in given if penalty.invalid]
+    return priced(lap, (*lap.penalties, *(penalty for _, penalty in given)), (*lap.reasons, *reasons))
 
 
 def _not_to_forgive(one: MarshalledLap, edit: Edit) -> str | None:

@@ -1,4 +1,4 @@
-"""Laps that a judge makes: one that the race missed, and one of two that the race took for two.
+"""Laps that a judge makes: one that the race missed, one of two that the race took for two, one that was forgiven.
 
 Knows laps and crossings; knows nothing of who decided it. Such a lap has no path similarity until its path is scored.
 """
@@ -100,6 +100,14 @@ def _next(crossings: Sequence[Crossing], line: str, first: Lap, second: Lap) -> 
         ),
         None,
     )
+
+
+def pardoned(lap: Lap, offence: str | None) -> Lap:
+    """The lap without what the rules gave it for `offence`, None for all: penalties, and the reasons that came of them."""
+    forgiven = [one for one in lap.penalties if offence in (None, one.offence)]
+    excused = {one.reason for one in forgiven}
+    reasons = () if offence is None else [reason for reason in lap.reasons if reason not in excused]
+    return priced(lap, [one for one in lap.penalties if one not in forgiven], reasons)
 
 
 def priced(lap: Lap, penalties: Sequence[Penalty], reasons: Sequence[str]) -> Lap:

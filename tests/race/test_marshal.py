@@ -154,6 +154,19 @@ def test_forgiving_spares_a_judges_penalty():
         assert (one.valid, one.official_time_s) == (True, 9.0)
 
 
+def test_forgiving_a_lap_is_of_that_lap_alone():
+    """Merged afterwards with one that has penalties, those stay; merged before, all are forgiven; once is enough."""
+    first, second = lap(1, 1, 11, penalties=(SLOW,)), lap(2, 11, 16, penalties=(OFF,))
+    merge, forgive = edit(2, Action.MERGE, first, second), edit(1, Action.FORGIVE, first)
+    (one,) = apply((first, second), [forgive, merge]).kept
+    assert (one.penalties, one.reasons, one.official_time_s) == ((OFF,), (OFF.reason,), 17.0)
+    merged = lap(1, 1, 16)
+    (one,) = apply((first, second), [merge, edit(3, Action.FORGIVE, merged)]).kept
+    assert (one.penalties, one.reasons, one.official_time_s) == ((), (), pytest.approx(15.0))
+    with pytest.raises(InputError, match="lap 1 has no penalty of the rules, and is valid"):
+        added_to((first, second), [forgive], edit(2, Action.FORGIVE, first))
+
+
 def test_a_lap_not_valid_without_a_penalty_can_be_forgiven():
     """In recordings from before there were penalties, too: the reasons go."""
     old = replace(LAPS[0], valid=False, reasons=("the car was lost",), official_time_s=None)
@@ -188,6 +201,8 @@ def test_an_added_lap_gives_way_to_a_lap_of_the_same_number():
     more = lap(5, 40, 50)
     after = apply((*LAPS, more), [add(3, 60.0, 70.0)])
     assert [one.number for one in after.kept if one.car == 1] == [1, 2, 3, 4, 5, 8]
+    after = apply(LAPS, [add(1, 40.0, 50.0), add(2, 60.0, 70.0)])
+    assert [one.number for one in after.kept if one.car == 1] == [1, 2, 3, 4, 5, 7]
 
 
 def test_edits_find_their_lap_by_its_time():
