@@ -41,9 +41,11 @@ def repaint(state: BoardState) -> list[protocol.Message]:
 def news(earlier: BoardState, later: BoardState) -> list[protocol.Message]:
     """What `later` has to tell to a display that shows `earlier`; the running time always, as a sign of life.
 
-    Where another car comes to the front, everything: the lines are about that car from then on.
+    Where another car comes to the front, everything: the lines are about that car from then on. So where something stands no
+    more, such as what was awaited: no message takes a line back, and a repaint begins by forgetting all.
     """
-    if later.shown.car != earlier.shown.car or _car(later) != _car(earlier):
+    is_another = later.shown.car != earlier.shown.car or _car(later) != _car(earlier)
+    if is_another or any(part(earlier) and not part(later) for part in (_best, _count, _places)):
         return repaint(later)
     told: list[protocol.Message] = []
     if later.crossed_s is not None and later.crossed_s != earlier.crossed_s:

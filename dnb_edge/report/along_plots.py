@@ -56,6 +56,11 @@ def lap_deltas(laps: Sequence[LapAlong]) -> tuple[LapDelta, ...]:
     return found if any(not one.along.best for one in found) else ()
 
 
+def compared(result: RunResult) -> bool:
+    """Whether the picture has the panel of time lost."""
+    return bool(lap_deltas(laps_along(result)))
+
+
 def along_picture(result: RunResult, *, picture_format: PictureFormat = "png") -> bytes | None:
     """The panels; None where it is of no lap known when the car was where."""
     laps = laps_along(result)

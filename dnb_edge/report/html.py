@@ -17,7 +17,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.race.standings import official_s
 from dnb_edge.report import plots
 from dnb_edge.report.along import best_laps, drawn_laps
-from dnb_edge.report.along_plots import along_picture
+from dnb_edge.report.along_plots import along_picture, compared
 from dnb_edge.report.files import write_whole
 from dnb_edge.report.lap_style import lap_name, time_words
 from dnb_edge.report.lap_table import lap_table
@@ -98,14 +98,14 @@ def _pictures(result: RunResult) -> str:
     parts.append("</section>")
     along = along_picture(result)
     if along is not None:
+        behind = " Below: how far behind its car's best valid lap at the same place." if compared(result) else ""
         parts += [
             "<section>\n<h2>Along the route</h2>",
             _figure(
                 along,
                 f"Speed, lateral error and time lost of each lap along the route: {lap_list}",
-                "From above: speed along the route; how far to the left of the centreline the ground point was (grey: beyond "
-                "the lane's edges; the ring marks the greatest excursion); with several laps, how far each was behind its "
-                f"car's best valid lap at the same place. Gaps: the car was not seen.{left_out}",
+                "Above: speed along the route. Then: how far to the left of the centreline the ground point was; grey lies "
+                f"beyond the lane's edges, the ring marks the greatest excursion.{behind} Gaps: not seen.{left_out}",
             ),
             "</section>",
         ]

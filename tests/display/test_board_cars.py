@@ -2,6 +2,7 @@
 
 import io
 import itertools
+from dataclasses import replace
 
 import pytest
 from display_events import (
@@ -115,6 +116,25 @@ def test_the_standings_are_painted_and_sent():
     text = painted(two)
     assert "1=" in text
     assert "+0.100" in text
+
+
+def test_a_car_with_fewer_laps_is_laps_behind():
+    """On the board in laps; on the wire, which tells gaps in seconds, as none."""
+    told = standings(9.0, 1, 2, 3)
+    first, second, third = told.rows
+    rows = (first, replace(second, gap=None, gap_laps=1), replace(third, gap=None, gap_laps=2))
+    one = board(crossing(1.0), crossing(1.5, car=2), replace(told, rank_by="total_time", rows=rows))
+    assert "+1 lap " in painted(one)
+    assert "+2 laps" in painted(one)
+    assert "PLACE 3 3 3 10.300 - IN car 3" in bodies(messages.repaint(one))
+
+
+def test_what_is_awaited_no_more_leaves_the_display():
+    """No message takes a line back, so a display is painted anew where nothing is awaited any more."""
+    one = board(race_state(0.0, RacePhase.WAITING, text="for 2 cars"))
+    two = one.after(race_state(1.0, RacePhase.WAITING, text=""))
+    assert bodies(messages.news(one, two)) == bodies(messages.repaint(two))
+    assert not any(body.startswith("GRID") for body in bodies(messages.news(one, two)))
 
 
 def test_another_cars_lap_is_told_as_such():

@@ -12,8 +12,11 @@ from pathlib import Path
 import pytest
 
 from dnb_edge.errors import InputError, WorkError
+from dnb_edge.race.edit import Action, Edit, LapKey
+from dnb_edge.race.marshal import apply
 from dnb_edge.report.html import render, write_report
-from dnb_edge.report.run import RunResult
+from dnb_edge.report.run import RulesInForce, RunResult
+from dnb_edge.values import EntryInfo
 
 CALIBRATION = {
     "mean_px": 26.69,
@@ -94,6 +97,97 @@ def test_the_laps_are_told_in_full(result: Callable[..., RunResult]) -> None:
         "in 1188 of 1200 frames (99.0 %)",
     ):
         assert fact in text
+
+
+def test_who_drove_under_which_rules_is_told_first(result: Callable[..., RunResult]) -> None:
+    """Version, checkpoint, session, rule set with its digest, and what was changed since; nothing of it where unknown."""
+    run = result()
+    names = ("Version", "Checkpoint", "Session", "Rules", "Changed since")
+    assert not any(name in Page(render(run)).text for name in names)
+    driver = EntryInfo(name="Blue car", version="v2.1", checkpoint_sha256="ab" * 32, notes="<i>warm</i>")
+    rules = RulesInForce(name="laps", version="3", digest="0123456789ab", changed="race.laps 3 (was 2)")
+    text = Page(render(replace(run, driver=driver, session="Tuesday", rules=rules))).text
+    for fact in (
+        *names,
+        "v2.1",
+        "ab" * 32,
+        "<i>warm</i>",
+        "Tuesday",
+        "laps, version 3, digest 0123456789ab",
+        "(was 2)",
+    ):
+        assert fact in text
+
+
+def test_the_lap_table_tells_what_is_doubtful(result: Callable[..., RunResult]) -> None:
+    """Official times with their penalties, suspect and estimated laps, where the car was farthest off and how fast it was."""
+    run = result()
+    one, two, three = run.laps
+    laps = (
+        replace(one, penalty_s=5.0, official_time_s=17.4831),
+        replace(two, suspect=("the camera was bumped",)),
+        replace(three, estimated=True),
+    )
+    scores = (
+        replace(run.scores[0], lateral_p95_m=0.0441, lateral_max_s_m=7.25, speed_mean_mps=1.08, speed_max_mps=1.76),
+        *run.scores[1:],
+    )
+    text = Page(render(replace(run, laps=laps, scores=scores))).text
+    for fact in (
+        "17.4831 (+5.000)",
+        "but suspect: the camera was bumped",
+        "yes, estimated",
+        "0.0441",
+        "7.25",
+        "1.08",
+        "1.76",
+    ):
+        assert fact in text
+    assert "lap 2, 12.102" in text, "the best one by official time"
+
+
+def test_a_judges_decision_stands_with_its_lap(result: Callable[..., RunResult]) -> None:
+    """Who decided what and why, as text, beside the lap that it is about."""
+    run = result()
+    edit = Edit(
+        number=1,
+        time="2026-01-01T00:00:00Z",
+        author="<b>Ada</b>",
+        action=Action.NOTE,
+        reason="wind & rain",
+        laps=(LapKey.of(run.laps[1]),),
+    )
+    made = apply(run.laps, [edit])
+    page = render(replace(run, marshalled=made, edits=(edit,)))
+    rows = page[page.index("<h2>Laps</h2>") : page.index("</table>")].split("</tr>")
+    assert ["wind &amp; rain" in row for row in rows[1:4]] == [False, True, False]
+    assert "note by &lt;b&gt;Ada&lt;/b&gt;" in rows[2]
+    assert "<b>Ada" not in page
+
+
+def test_cars_are_told_apart(result: Callable[..., RunResult]) -> None:
+    """With several cars each lap has its car's name, and the best lap says whose it is; alone it is not repeated."""
+    run = result()
+    assert 'scope="col">Car<' not in render(run)
+    laps = (run.laps[0], replace(run.laps[1], car=2), replace(run.laps[2], car=2))
+    page = render(replace(run, laps=laps))
+    assert 'scope="col">Car<' in page
+    assert "car 2, lap 2, 12.102" in Page(page).text
+
+
+def test_laps_that_are_not_drawn_are_counted(result: Callable[..., RunResult]) -> None:
+    """Pictures show 14 laps and 40 bars at most, and say how many they leave out; the tables have all."""
+    text = Page(render(result(lap_times_s=(2.0,) * 45))).text
+    assert "Drawn are 14 of 45 laps, the best ones and the last ones; 31 are left out." in text
+    assert "Drawn are 40 of 45 laps" in text
+    assert text.count("2.0000 ±") == 45
+
+
+def test_each_section_has_something_to_show(result: Callable[..., RunResult]) -> None:
+    """Without laps or stamps no empty heading stands on the page."""
+    assert "Along the route" in render(result())
+    for run in (result(lap_times_s=()), replace(result(), stamps_ns=())):
+        assert "Along the route" not in render(run)
 
 
 def test_a_run_without_laps_did_not_finish(result: Callable[..., RunResult]) -> None:

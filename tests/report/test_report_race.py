@@ -90,3 +90,42 @@ def test_standings_of_several_cars(empty: RunResult) -> None:
     assert "&lt;2&gt;" in page
     assert "inside their uncertainty" in page
     assert race_sections(replace(empty, standings=replace(standings, rows=rows[:1]))) == ""
+
+
+def test_cars_with_fewer_laps_are_laps_behind(empty: RunResult) -> None:
+    """Where times of different numbers of laps say nothing, the gap is told in laps."""
+    row = Standing(
+        place=1,
+        tied=False,
+        car=1,
+        name="a",
+        laps=3,
+        valid_laps=3,
+        value=30.0,
+        sigma=0.002,
+        best_lap_s=9.5,
+        last_lap_s=9.9,
+        gap=None,
+        interval=None,
+    )
+    rows = (
+        row,
+        replace(row, place=2, car=2, gap=0.25, interval=0.25, gap_laps=0, interval_laps=0),
+        replace(row, place=3, car=3, gap_laps=1, interval_laps=1),
+        replace(row, place=4, car=4, gap_laps=3, interval_laps=2),
+    )
+    standings = Standings(t_ns=1, t_s=0.0, rank_by="total_time", unit="s", final=True, rows=rows)
+    page = race_sections(replace(empty, standings=standings))
+    assert "<td>0.2500</td><td>0.2500</td>" in page
+    assert "<td>+1 lap</td><td>+1 lap</td>" in page
+    assert "<td>+3 laps</td><td>+2 laps</td>" in page
+
+
+def test_each_car_has_its_own_best_sectors(empty: RunResult) -> None:
+    """The sectors of two cars are never added up to one lap."""
+    laps = (lap(1, (3.0, 7.0)), lap(1, (1.5, 8.5), car=2), lap(2, (4.0, 6.0)))
+    page = race_sections(replace(empty, laps=laps, paths_m=(empty.track.centreline.points_m,) * 3))
+    assert "car 1, best" in page
+    assert "<td>9.0000 \N{PLUS-MINUS SIGN}" in page
+    assert "<td>10.0000 \N{PLUS-MINUS SIGN}" in page
+    assert "7.5000" not in page

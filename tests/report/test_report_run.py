@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 
-from dnb_edge.report.run import RunResult, lap_paths
+from dnb_edge.report.run import RunResult, lap_paths, stamped_paths
 from dnb_edge.values import Crossing, Event, Health, Lap, Observation
 
 HEALTH = Health(
@@ -95,7 +95,31 @@ def test_a_lap_that_nobody_saw_has_an_empty_path(stranger: Seen) -> None:
     assert path.shape == (0, 2)
 
 
+def test_stamps_go_with_the_path_point_by_point(stranger: Seen) -> None:
+    """Each instant once, rising, from crossing to crossing; a second sighting in one frame adds no point."""
+    lap, crossings, observations = stranger
+    twice = [*observations, replace(observations[0], track_m=(7.0, 7.0))]
+    (path,) = stamped_paths([lap], list(reversed(twice)), crossings)
+    since_s = (path.t_ns - lap.start_t_ns) * 1e-9
+    np.testing.assert_allclose(since_s, [0.0, 0.3, 0.6, 1.0])
+    assert len(path.track_m) == 4
+
+
+def test_a_path_ends_at_a_finish_line_of_its_own(stranger: Seen) -> None:
+    """On a route from point to point a lap ends with the crossing of another line; other cars' crossings are not taken."""
+    lap, (start, end), observations = stranger
+    finish = replace(end, line="finish", track_m=(5.0, 0.0))
+    (path,) = lap_paths([lap], observations, [start, finish])
+    np.testing.assert_array_equal(path[-1], [5, 0])
+    (path,) = lap_paths([lap], observations, [start, replace(finish, car=2)])
+    np.testing.assert_array_equal(path[-1], [2, 0])
+    (path,) = lap_paths([lap], observations, [start, replace(finish, line="a sector")])
+    np.testing.assert_array_equal(path[-1], [2, 0])
+
+
 def test_laps_and_paths_must_go_together(result: Callable[..., RunResult]) -> None:
     """A result whose paths were lost is refused at once."""
     with pytest.raises(ValueError, match="3 laps with 1 paths"):
         replace(result(), paths_m=(np.zeros((0, 2)),))
+    with pytest.raises(ValueError, match="stamps do not go with the paths"):
+        replace(result(), paths_m=(np.zeros((0, 2)),) * 3)
