@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from dnb_edge.motion.appearance import Appearance
+from dnb_edge.race.paint import paint_cost
 from dnb_edge.race.rules import CarSetup
 
 
@@ -54,4 +55,5 @@ class Seats:
 
     def _colour_cost(self, seat: int, looks: Appearance) -> float:
         colour = self._cars[seat].colour_bgr if seat < len(self._cars) else None
-        return looks.colour_cost(colour)
+        seen = looks.colour
+        return 0.0 if colour is None or seen is None else paint_cost(seen, colour, looks.variance)

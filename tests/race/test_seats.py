@@ -58,6 +58,15 @@ def test_colour_decides_between_free_seats() -> None:
     assert seats.of(6, coloured((60.0, 50.0, 180.0)), {5, 6}) == 0
 
 
+def test_a_paint_is_known_though_it_looks_darker() -> None:
+    """A yellow car is seen half as bright as the yellow that was written down, which lies nearer to the red: it is yellow."""
+    cars = [
+        CarSetup(name="red", colour_bgr=(40.0, 36.0, 214.0)),
+        CarSetup(name="yellow", colour_bgr=(24.0, 208.0, 240.0)),
+    ]
+    assert Seats(2, cars).of(1, coloured((32.0, 117.0, 131.0)), {1}) == 1
+
+
 def test_one_car_is_every_target_but_not_another_ones_marker() -> None:
     """In a race of one, a car found again under any number is that car; a foreign marker is not."""
     assert [Seats(1).of(target, UNKNOWN, set()) for target in (1, 2)] == [0, 0]
