@@ -1,4 +1,4 @@
-"""The simulator as a source: a car that drives our own track, on a simulated clock, for as many laps as asked.
+"""The simulator as a source: a car or several that drive our own track, on a simulated clock, for as many laps as asked.
 
 Knows how to read `sim:` URIs and how to pace frames in real time. The pictures and their truth come from `sim`.
 """
@@ -14,6 +14,7 @@ from urllib.parse import parse_qsl
 
 from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig
+from dnb_edge.sim.traffic import MOST_CARS
 from dnb_edge.values import Clock, Frame, SourceInfo
 
 
@@ -22,6 +23,7 @@ class SimulatorOptions:
     """What a `sim:` URI asks for."""
 
     laps: int = 3
+    cars: int = 1
     seed: int = 1
     fps: float = 30.0
     pace: float = 0.0
@@ -29,11 +31,11 @@ class SimulatorOptions:
 
 
 class SimulatedSource:
-    """A drive of the demo track. The same options give the same frames; they wait to be taken."""
+    """A drive of the demo track, by as many cars as asked. The same options give the same frames; they wait to be taken."""
 
     def __init__(self, uri: str, options: SimulatorOptions) -> None:
         self._options = options
-        self._rig = Rig(seed=options.seed, fps=options.fps, laps=options.laps)
+        self._rig = Rig(seed=options.seed, fps=options.fps, laps=options.laps, cars=options.cars)
         self._next = 0
         self._closed = threading.Event()
         self.info = SourceInfo(
@@ -64,16 +66,16 @@ class SimulatedSource:
 
 
 def parse_simulator_uri(uri: str) -> SimulatorOptions:
-    """The options in `sim:` or `sim:?laps=3&seed=1&fps=30&pace=1`. Raises `InputError` naming what is wrong."""
+    """The options in `sim:` or `sim:?laps=3&cars=1&seed=1&fps=30&pace=1`. Raises `InputError` naming what is wrong."""
     rest = uri.removeprefix("sim:")
     path, _, query = rest.partition("?")
     if path:
-        raise InputError(f"{uri}: {path!r} means nothing here: write sim: or sim:?laps=3&seed=1&fps=30&pace=1")
+        raise InputError(f"{uri}: {path!r} means nothing here: write sim: or sim:?laps=3&cars=1&seed=1&fps=30&pace=1")
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
     except ValueError as error:
-        raise InputError(f"{uri}: write the options as sim:?laps=3&seed=1&fps=30&pace=1") from error
-    readers: dict[str, Callable[[str], float]] = {"laps": int, "seed": int, "fps": float, "pace": float}
+        raise InputError(f"{uri}: write the options as sim:?laps=3&cars=1&seed=1&fps=30&pace=1") from error
+    readers: dict[str, Callable[[str], float]] = {"laps": int, "cars": int, "seed": int, "fps": float, "pace": float}
     values: dict[str, float] = {}
     for name, text in pairs:
         if name not in readers:
@@ -84,6 +86,7 @@ def parse_simulator_uri(uri: str) -> SimulatorOptions:
             raise InputError(f"{uri}: {name} must be a number, not {text!r}") from error
     options = SimulatorOptions(
         laps=int(values.get("laps", 3)),
+        cars=int(values.get("cars", 1)),
         seed=int(values.get("seed", 1)),
         fps=values.get("fps", 30.0),
         pace=values.get("pace", 0.0),
@@ -95,6 +98,8 @@ def parse_simulator_uri(uri: str) -> SimulatorOptions:
 def _check(uri: str, options: SimulatorOptions) -> None:
     if not 1 <= options.laps <= 1000:
         raise InputError(f"{uri}: laps must lie between 1 and 1000, not {options.laps}")
+    if not 1 <= options.cars <= MOST_CARS:
+        raise InputError(f"{uri}: cars must lie between 1 and {MOST_CARS}, not {options.cars}")
     if options.seed < 0:
         raise InputError(f"{uri}: seed must not be negative, not {options.seed}")
     if not (math.isfinite(options.fps) and 1.0 <= options.fps <= 1000.0):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,8 +17,10 @@ from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
 from dnb_edge.report.files import write_whole
+from dnb_edge.sim.car import Paint
 from dnb_edge.sim.files import DemoFiles, demo_files
 from dnb_edge.sim.rig import Rig
+from dnb_edge.sim.traffic import MOST_CARS
 
 CONFIG_NAME = "demo.yaml"
 
@@ -27,21 +30,22 @@ def demo(
         "runs/demo"
     ),
     laps: Annotated[int, typer.Option(min=1, max=50, help="Complete laps to drive.")] = 3,
+    cars: Annotated[int, typer.Option(min=1, max=MOST_CARS, help="Cars that race each other.")] = 1,
     seed: Annotated[int, typer.Option(help="Another seed, another drive.")] = 1,
     fast: Annotated[bool, typer.Option("--fast", help="As fast as this machine can, instead of in real time.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line on stdout instead of the board.")
     ] = False,
 ) -> None:
-    """Race a simulated car on our own track: live board, recording and report, with nothing to set up.
+    """Race a simulated car, or several, on our own track: live board, recording and report, with nothing to set up.
 
     It writes a twin, keypoints and a configuration first, as a user would: look at them to see what your own track needs.
     """
     console = BoardConsole(stderr=as_json, markup=False)
     console.print("Drawing the track and setting up the simulated camera ...", highlight=False)
-    config_file = write_demo_config(directory, Rig(seed=seed, laps=laps))
+    config_file = write_demo_config(directory, Rig(seed=seed, laps=laps, cars=cars))
     config = load_config(config_file, [f"race.laps={laps}"])
-    uri = f"sim:?laps={laps}&seed={seed}" + ("" if fast else "&pace=1")
+    uri = f"sim:?laps={laps}&cars={cars}&seed={seed}" + ("" if fast else "&pace=1")
     options = RunOptions(source_uri=uri, record_directory=directory)
     if as_json:
         summary = run_appliance(config, options, listeners=[JsonSink(sys.stdout, observations=False)])
@@ -60,14 +64,14 @@ def write_demo_config(directory: Path, rig: Rig) -> Path:
     files = demo_files(directory, rig)
     path = directory / CONFIG_NAME
     text = "# Written by `dnb-edge demo`: what a configuration of your own track looks like.\n"
-    text += yaml.safe_dump(_config(files), sort_keys=False)
+    text += yaml.safe_dump(_config(files, rig.paints), sort_keys=False)
     write_whole(path, text.encode())
     return path
 
 
-def _config(files: DemoFiles) -> dict[str, Any]:
+def _config(files: DemoFiles, paints: Sequence[Paint]) -> dict[str, Any]:
     return {
-        "name": "simulated car",
+        "name": "simulated cars" if paints else "simulated car",
         "track": {
             "name": "demo track",
             "image": files.twin.name,
@@ -86,4 +90,4 @@ def _config(files: DemoFiles) -> dict[str, Any]:
             "max_mean_error_m": 0.02,
         },
         "score": {"metric": "dtw", "clamp_m": 0.5, "baseline_m": 0.5},
-    }
+    } | ({"cars": [{"name": paint.name, "colour": paint.hex} for paint in paints]} if paints else {})

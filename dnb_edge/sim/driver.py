@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dnb_edge.sim.circuit import Circuit
 from dnb_edge.values import PointM, Points
 
-_RUN_OUT_M = 0.9
+RUN_OUT_M = 0.9
 _STEP_M = 0.002
 
 
@@ -113,28 +113,33 @@ class Wander:
         return np.asarray(sum(a * np.sin(2.0 * np.pi * s_m / w + p) for a, w, p in waves))
 
 
-def drive(circuit: Circuit, *, laps: int, seed: int, style: Style | None = None) -> Drive:
-    """The drive of `laps` complete laps that `seed` makes in that style, the demo's by default."""
-    style = style or Style()
-    if laps < 1:
-        raise ValueError(f"laps must be at least 1, not {laps}")
-    random = np.random.default_rng([seed, 1])
-    wander = Wander(
+def wander_of(style: Style, random: np.random.Generator) -> Wander:
+    """A wander that `random` draws, as wide as that style's."""
+    return Wander(
         amplitude_m=tuple(
             style.wander * float(a) for a in random.uniform([0.008, 0.006, 0.003], [0.016, 0.012, 0.006])
         ),
         wavelength_m=tuple(float(w) for w in random.uniform([3.5, 1.9, 1.1], [5.5, 2.8, 1.5])),
         phase_rad=tuple(float(p) for p in random.uniform(0.0, 2.0 * math.pi, 3)),
     )
+
+
+def drive(circuit: Circuit, *, laps: int, seed: int, style: Style | None = None) -> Drive:
+    """The drive of `laps` complete laps that `seed` makes in that style, the demo's by default."""
+    style = style or Style()
+    if laps < 1:
+        raise ValueError(f"laps must be at least 1, not {laps}")
+    random = np.random.default_rng([seed, 1])
+    wander = wander_of(style, random)
     length = circuit.centreline.length_m
-    s = np.arange(-style.run_up_m, laps * length + _RUN_OUT_M, _STEP_M)
+    s = np.arange(-style.run_up_m, laps * length + RUN_OUT_M, _STEP_M)
     pace = random.uniform(*style.pace, laps + 2)
-    slowness = 1.0 / (_speed_mps(circuit, s, style) * _pace(s / length, pace))
+    slowness = 1.0 / (speed_mps(circuit, s, style) * pace_at(s / length, pace))
     t = np.concatenate(([0.0], np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * _STEP_M)))
     unsolved = Drive(
         circuit=circuit, laps=laps, crossings_s=(), duration_s=float(t[-1]), table_t_s=t, table_s_m=s, wander=wander
     )
-    crossings = tuple(_crossing_s(unsolved, k * length) for k in range(laps + 1))
+    crossings = tuple(crossing_s(unsolved, k * length) for k in range(laps + 1))
     return Drive(
         circuit=circuit,
         laps=laps,
@@ -146,8 +151,9 @@ def drive(circuit: Circuit, *, laps: int, seed: int, style: Style | None = None)
     )
 
 
-def _speed_mps(circuit: Circuit, s_m: NDArray[np.float64], style: Style) -> NDArray[np.float64]:
-    """Speed by curvature, smoothed along the lap as a driver brakes before a bend and accelerates after it."""
+def speed_mps(circuit: Circuit, s_m: NDArray[np.float64], style: Style) -> NDArray[np.float64]:
+    """(n,) speed at (n,) distances from the start line: by curvature, smoothed as a driver brakes before a bend and
+    accelerates after it."""
     length = circuit.centreline.length_m
     count = 2048
     lap_s = np.arange(count) * length / count
@@ -159,7 +165,7 @@ def _speed_mps(circuit: Circuit, s_m: NDArray[np.float64], style: Style) -> NDAr
     return np.interp(s_m + circuit.start_s_m, lap_s, smooth, period=length)
 
 
-def _pace(lap: NDArray[np.float64], pace: NDArray[np.float64]) -> NDArray[np.float64]:
+def pace_at(lap: NDArray[np.float64], pace: NDArray[np.float64]) -> NDArray[np.float64]:
     """The pace factor at unwrapped lap number `lap`, blended smoothly between one lap's pace and the next's."""
     number = np.floor(lap)
     blend = np.clip((lap - number) / 0.2, 0.0, 1.0)
@@ -170,7 +176,7 @@ def _pace(lap: NDArray[np.float64], pace: NDArray[np.float64]) -> NDArray[np.flo
     return np.asarray(earlier + (later - earlier) * blend)
 
 
-def _crossing_s(drive_: Drive, s_m: float) -> float:
+def crossing_s(drive_: Drive, s_m: float) -> float:
     """The instant near unwrapped distance `s_m` at which the ground point meets the start line: bisection, to the last bit."""
     start, end = np.asarray(drive_.circuit.start_line_m)
     along = end - start

@@ -1,10 +1,12 @@
-"""Frames of the simulated camera: the still room with the car drawn into it, its shadow, and the sensor's noise.
+"""Frames of the simulated camera: the still room with the cars drawn into it, their shadows, and the sensor's noise.
 
-Knows how to compose one picture for one pose. The room is drawn once; a frame redraws only the rectangle round the car.
+Knows how to compose one picture for one pose a car. The room is drawn once; a frame redraws only the rectangle round each car.
 Knows no time.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -26,12 +28,15 @@ _SHADOW_DEPTH = 0.55
 
 
 class Renderer:
-    """Pictures of one room, one camera and one car; all follow from the seed. Not safe for use by several threads."""
+    """Pictures of one room, one camera and the cars; all follow from the seed. Not safe for use by several threads."""
 
-    def __init__(self, circuit: Circuit, camera: PinholeCamera, seed: int) -> None:
+    def __init__(
+        self, circuit: Circuit, camera: PinholeCamera, seed: int, *, cars: Sequence[Mesh] | None = None
+    ) -> None:
+        """`cars` in the car's frame each; None for the one that `seed` chooses."""
         self.camera = camera
         self._seed = seed
-        self._car = car_mesh(seed)
+        self._cars = (car_mesh(seed),) if cars is None else tuple(cars)
         self._room = draw_room(circuit, camera, seed)
         random = np.random.default_rng([seed, 5])
         shape = self._room.shape
@@ -39,36 +44,48 @@ class Renderer:
         # The empty room with each noise added beforehand: a frame starts as a plain copy of one of them.
         self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
 
-    def picture(self, index: int, pose: Pose | None) -> BgrImage:
-        """The picture with number `index` (it chooses the noise), with the car at `pose`; the empty room for None."""
+    def picture(self, index: int, pose: Pose | None, *others: Pose) -> BgrImage:
+        """The picture with number `index` (it chooses the noise), with the first car at `pose` and those after it at
+        `others`; the empty room for None."""
         which = int(np.random.default_rng([self._seed, 6, index]).integers(_NOISE_PICTURES))
         picture = self._noisy_rooms[which].copy()
-        if pose is not None:
-            self._draw_car(picture, self._car, pose, self._noise[which])
+        if pose is None:
+            return picture
+        bodies = [posed(car, at) for car, at in zip(self._cars, (pose, *others), strict=True)]
+        below = self._room if len(bodies) == 1 else self._room.copy()
+        # From the farthest to the nearest: a car hides what stands behind it.
+        for body in sorted(bodies, key=self._nearness):
+            self._draw_car(picture, body, self._noise[which], below)
         return picture
+
+    def _nearness(self, body: Mesh) -> float:
+        return -float(self.camera.distance_m(body.corners_m.mean(axis=0)[None])[0])
 
     def park(self, pose: Pose, seed: int) -> None:
         """Stand another car, the one that `seed` chooses, at `pose` for good: it belongs to the room from now on.
 
         It stands behind the driven car wherever the two overlap in the picture.
         """
-        self._draw_car(self._room, car_mesh(seed), pose, np.zeros(self._room.shape, dtype=np.int16))
+        silent = np.zeros(self._room.shape, dtype=np.int16)
+        self._draw_car(self._room, posed(car_mesh(seed), pose), silent, self._room)
         self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
 
-    def _draw_car(self, picture: BgrImage, car: Mesh, pose: Pose, noise: NDArray[np.int16]) -> None:
-        body = posed(car, pose)
+    def _draw_car(self, picture: BgrImage, body: Mesh, noise: NDArray[np.int16], below: BgrImage) -> None:
+        """`below` is the picture without noise so far; where it is not the still room, the car is drawn into it too."""
         rectangle = _rectangle(self.camera, body)
         if rectangle is None:
             return
         left, top, right, bottom = rectangle
         size = (right - left, bottom - top)
-        floor = self._room[top:bottom, left:right].astype(np.float32)
+        floor = below[top:bottom, left:right].astype(np.float32)
         shadow = self._shadow(body, (left, top), size)
         floor *= 1.0 - _SHADOW_DEPTH * shadow[..., None]
         colour, cover = self._car_layer(body, (left, top), size)
         composed = floor * (1.0 - cover[..., None]) + colour
         noisy = composed + noise[top:bottom, left:right]
         picture[top:bottom, left:right] = np.clip(noisy, 0.0, 255.0).astype(np.uint8)
+        if below is not self._room:
+            below[top:bottom, left:right] = np.rint(np.clip(composed, 0.0, 255.0)).astype(np.uint8)
 
     def _shadow(self, body: Mesh, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.float32]:
         """(h, w) 0..1: a wide soft shadow and a narrow dark one under the car."""

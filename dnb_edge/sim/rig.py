@@ -1,4 +1,4 @@
-"""The ground-truth rig: a track, a car that drives it, a camera over both, and the truth of every frame and lap.
+"""The ground-truth rig: a track, one car or several that drive it, a camera over all, and the truth of every frame and lap.
 
 Knows which frame shows what, exactly. Knows no detector and no rule of racing: it is what those are measured against.
 """
@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dnb_edge.sim.camera import PinholeCamera
+from dnb_edge.sim.car import PAINTS, Paint, painted_car_mesh
 from dnb_edge.sim.circuit import METRES_PER_PX, Circuit, demo_circuit, draw_twin, edge_line, start_line_px
 from dnb_edge.sim.disturb import Disturbance, Disturber
 from dnb_edge.sim.driver import Drive, Pose, Style, drive
 from dnb_edge.sim.places import Place, demo_camera
 from dnb_edge.sim.renderer import Renderer
+from dnb_edge.sim.traffic import drives
 from dnb_edge.values import BgrImage, Frame, PointM, PointPx, Points, StampSource
 
 
@@ -36,7 +38,7 @@ class TrueLap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What really happened in the whole drive."""
+    """What really happened in one car's whole drive."""
 
     crossings_s: tuple[float, ...]
     """Instants at which the car's ground point crossed the start line, all forward."""
@@ -45,7 +47,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTruth:
-    """What one frame really shows."""
+    """What one frame really shows of one car."""
 
     t_ns: int
     track_m: PointM
@@ -71,7 +73,8 @@ class Scenery:
 
 
 class Rig:
-    """One seeded drive of `laps` complete laps, seen at `fps` frames a second. The same arguments give the same bytes.
+    """A seeded drive of `laps` complete laps, of one car or several, seen at `fps` frames a second. The same arguments give the
+    same bytes.
 
     Not safe for use by several threads. Building it takes a second or two: the room is drawn then.
     """
@@ -82,37 +85,57 @@ class Rig:
         seed: int = 1,
         fps: float = 30.0,
         laps: int = 3,
+        cars: int = 1,
         size_px: tuple[int, int] = (1280, 720),
         place: Place | None = None,
         style: Style | None = None,
         scenery: Scenery | None = None,
     ) -> None:
-        """`place`, `style` and `scenery` are the demo's by default; with a `place`, its camera has its own size."""
+        """`place`, `style` and `scenery` are the demo's by default; with a `place`, its camera has its own size.
+
+        Several cars are painted `paints` and drive as `traffic.drives` says: who has done its laps drives on until all have.
+        """
         if not (math.isfinite(fps) and fps > 0.0):
             raise ValueError(f"fps must be a positive number, not {fps!r}")
         self.fps = fps
         self.circuit = demo_circuit() if place is None else place.circuit
         self.camera = demo_camera(size_px) if place is None else place.camera
-        self._drive = drive(self.circuit, laps=laps, seed=seed, style=style)
+        self._drives = (
+            (drive(self.circuit, laps=laps, seed=seed, style=style),)
+            if cars == 1
+            else drives(self.circuit, cars=cars, laps=laps, seed=seed, style=style)
+        )
         scenery = scenery or Scenery()
         room_seed = seed if scenery.seed is None else scenery.seed
-        self._renderer = Renderer(self.circuit, self.camera, room_seed)
+        bodies = None if cars == 1 else [painted_car_mesh(room_seed, number) for number in range(cars)]
+        self._renderer = Renderer(self.circuit, self.camera, room_seed, cars=bodies)
         for k, (s_m, d_m) in enumerate(scenery.parked_m):
             self._renderer.park(_standing(self.circuit, s_m, d_m), room_seed + 1 + k)
         self._disturber = None
         if scenery.disturbance != Disturbance():
             self._disturber = _disturber(self.circuit, self.camera, scenery.disturbance, seed)
-        self.truth = truth_of(self._drive)
+        self.truths = tuple(map(truth_of, self._drives))
+        """Each car's; a car that has done its laps before the others may have driven more."""
+
+    @property
+    def truth(self) -> Truth:
+        """The first car's."""
+        return self.truths[0]
 
     @property
     def drive(self) -> Drive:
-        """The drive as a function of time."""
-        return self._drive
+        """The first car's drive as a function of time."""
+        return self._drives[0]
+
+    @property
+    def paints(self) -> tuple[Paint, ...]:
+        """Each car's paint, in the order of `truths`; none where there is one car only."""
+        return PAINTS[: len(self._drives)] if len(self._drives) > 1 else ()
 
     @property
     def frames(self) -> int:
         """How many frames the drive has."""
-        return math.floor(self._drive.duration_s * self.fps) + 1
+        return math.floor(self.drive.duration_s * self.fps) + 1
 
     @property
     def twin(self) -> BgrImage:
@@ -138,7 +161,7 @@ class Rig:
         if not 0 <= index < self.frames:
             raise IndexError(f"frame {index} of a drive of {self.frames} frames")
         t_ns = self.t_ns(index)
-        picture = self._renderer.picture(index, self._drive.pose(t_ns * 1e-9))
+        picture = self._renderer.picture(index, *(driven.pose(t_ns * 1e-9) for driven in self._drives))
         if self._disturber is not None:
             picture = self._disturber.apply(picture, index=index, t_s=t_ns * 1e-9)
         return Frame(
@@ -150,10 +173,10 @@ class Rig:
             bgr=picture,
         )
 
-    def frame_truth(self, index: int) -> FrameTruth:
-        """What frame `index` really shows."""
+    def frame_truth(self, index: int, car: int = 0) -> FrameTruth:
+        """What frame `index` really shows of car number `car`, from 0."""
         t_ns = self.t_ns(index)
-        pose = self._drive.pose(t_ns * 1e-9)
+        pose = self._drives[car].pose(t_ns * 1e-9)
         x, y = pose.track_m
         ahead = (x + 0.01 * math.cos(pose.heading_rad), y + 0.01 * math.sin(pose.heading_rad))
         at_px, ahead_px = self.camera.project(np.array([[x, y, 0.0], [*ahead, 0.0]]))
