@@ -23,6 +23,7 @@ from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled, Told
 from dnb_edge.record.edits import RunIdentity, read_edits
 from dnb_edge.record.header import RunHeader
+from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import RecordedRun, read_run
 from dnb_edge.report.run import RulesInForce, RunResult
 from dnb_edge.report.table import printable
@@ -86,6 +87,7 @@ class Replayed:
             ),
             calibration=self.calibration,
             config=self.header.config,
+            digests=identity_of(self.setup).to_dict(),
             hashes=self.hashes,
             versions=self.header.versions,
             twin=_twin(self.header.config),

@@ -98,6 +98,10 @@ def path_trace(path_m: Points, t_ns: Stamps, lap: Lap, track: Track) -> LapTrace
     if route.closed:
         steps_m = (steps_m + route.length_m / 2) % route.length_m - route.length_m / 2
     way_m = route.step_m(start_m, float(s_m[0])) + np.concatenate(([0.0], np.cumsum(steps_m)))
+    if route.closed:
+        # Over a gap of more than half the route the shorter way round is the wrong one: a lap ends where it should.
+        rounds = round(float(length_m - way_m[-1]) / route.length_m)
+        way_m[int(np.argmax(np.diff(t_ns))) + 1 :] += rounds * route.length_m
     # A lap is its whole stretch of the route, from line to line, and nothing before its end lies beyond the line.
     way_m[0], way_m[-1] = 0.0, length_m
     way_m[:-1] = np.minimum(way_m[:-1], np.nextafter(length_m, 0.0))

@@ -71,9 +71,9 @@ def render(result: RunResult) -> str:
 def _pictures(result: RunResult) -> str:
     """The sections with pictures; those without anything to show are left out."""
     several = result.several_cars
-    lap_list = ", ".join(f"{lap_name(lap, several=several)} {time_words(lap)}" for lap in result.laps)
-    lap_list = lap_list or "no complete lap"
-    left_out = _left_out(len(result.laps), len(drawn_laps(result.laps)))
+    drawn = [result.laps[i] for i in drawn_laps(result.laps)]
+    lap_list = ", ".join(f"{lap_name(lap, several=several)} {time_words(lap)}" for lap in drawn) or "no complete lap"
+    left_out = _left_out(len(result.laps), len(drawn))
     sectors = len(result.track.sector_lines)
     sector_names = f" At S1{f' to S{sectors}' if sectors > 1 else ''} sectors end." if sectors else ""
     parts = [
@@ -208,7 +208,11 @@ def _calibration(calibration: Mapping[str, Any]) -> str:
 
 def _details(result: RunResult) -> str:
     parts = []
-    for title, facts in (("SHA-256", result.hashes), ("Versions", result.versions)):
+    for title, facts in (
+        ("Digests of the conditions: runs with the same ones can be compared", result.digests),
+        ("SHA-256", result.hashes),
+        ("Versions", result.versions),
+    ):
         if facts:
             parts.append(f"<details><summary>{text(title)}</summary>\n{_definitions(facts.items())}</details>")
     if result.config:

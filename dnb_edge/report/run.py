@@ -102,6 +102,8 @@ class RunResult:
     """The transformation error as `calibrate keypoints --json` prints it; empty where it is not known."""
     config: Mapping[str, Any] = field(default_factory=dict)
     """The configuration in force, plain JSON types."""
+    digests: Mapping[str, str] = field(default_factory=dict)
+    """Of track, calibration and rules: runs are compared where they are the same."""
     hashes: Mapping[str, str] = field(default_factory=dict)
     """SHA-256, hexadecimal, by what it is of (model, recording, ...)."""
     versions: Mapping[str, str] = field(default_factory=dict)

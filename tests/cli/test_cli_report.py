@@ -35,6 +35,8 @@ def test_the_rules_are_told_with_their_digest(run: Path) -> None:
     told = page(run)
     assert "<dt>Rules</dt><dd>practice, version 1, digest " in told
     assert "Changed since the run" not in told
+    digests = told[told.index("Digests of the conditions") :]
+    assert all(f"<dt>{name}</dt><dd>" in digests for name in ("track", "calibration", "rules"))
     assert "4 valid of 4" in told
     assert "Along the route" in told
 

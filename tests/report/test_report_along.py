@@ -126,6 +126,17 @@ def test_a_path_that_is_no_whole_lap_has_no_trace(ends: tuple[int, int]) -> None
     assert path_trace(path, t_ns, lap(1, 6.0), straight()) is None
 
 
+def test_a_long_gap_does_not_turn_the_lap_round(result: Callable[..., RunResult]) -> None:
+    """Unseen for three quarters of the lap, the car is where it was seen afterwards, not a round behind."""
+    run = result(lap_times_s=(9.0,))
+    (t_ns,), (path,) = run.stamps_ns, run.paths_m
+    share = (t_ns - t_ns[0]) / (t_ns[-1] - t_ns[0])
+    keep = (share < 0.1) | (share > 0.85)
+    (one,) = laps_along(replace(run, stamps_ns=(t_ns[keep],), paths_m=(path[keep],)))
+    assert one.trace is not None
+    np.testing.assert_allclose(one.trace.way_m / run.track.centreline.length_m, share[keep], atol=0.02)
+
+
 def test_a_closed_route_is_gone_round_once(result: Callable[..., RunResult]) -> None:
     """The way grows from 0 to the route's length though s_m begins anew at the start line."""
     run = result()
