@@ -11,11 +11,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dnb_edge.cli.trials import Raced
+from dnb_edge.config.rules import SECTIONS
 from dnb_edge.errors import InputError
 from dnb_edge.record.identity import rules_of
 from dnb_edge.track.model import Track
+
+_SAME_M = 1e-4
+"""What lies nowhere further apart is the same, metres: a track and a calibration come of linear algebra, whose last digits are
+another processor's or another library's, and then so are the digests."""
 
 _SAME_ROUTE_M = 0.05
 """A route that lies nowhere further from another is that one, maybe the other way round."""
@@ -32,14 +38,14 @@ def check_comparable(runs: Sequence[Raced]) -> tuple[str, ...]:
     sessions: dict[str | None, Raced] = {}
     for run in ordered:
         known = sessions.setdefault(run.session, run)
-        if run.session is not None and run.identity.calibration != known.identity.calibration:
+        if run.session is not None and not _same_calibration(run, known):
             raise InputError(
                 f"{known.path} and {run.path}: different calibrations ({known.identity.calibration}, "
                 f"{run.identity.calibration}) in one session, {run.session!r}: give the runs after the new one another "
                 "session's name, or leave one out"
             )
     first = ordered[0] if ordered else None
-    other = next((run for run in ordered if first and run.identity.calibration != first.identity.calibration), None)
+    other = next((run for run in ordered if first and not _same_calibration(run, first)), None)
     if first is None or other is None:
         return ()
     digests = f"({first.identity.calibration}, {other.identity.calibration})"
@@ -49,16 +55,45 @@ def check_comparable(runs: Sequence[Raced]) -> tuple[str, ...]:
 
 def _check_pair(one: Raced, other: Raced) -> None:
     where = f"{one.path} and {other.path}"
-    if one.identity.track != other.identity.track:
+    if one.identity.track != other.identity.track and not _same_track(one.setup.track, other.setup.track):
         raise InputError(
             f"{where}: {_track_difference(one.setup.track, other.setup.track)}: compare one track at a time"
         )
     rules = rules_of(one.setup), rules_of(other.setup)
     if rules[0] != rules[1]:
         key, first, second = _rule_difference(*rules)
-        raise InputError(
-            f"{where}: different rules, {key} is {first} and {second}: score both by one rule set with --rules"
+        raise InputError(f"{where}: different rules, {key} is {first} and {second}: score both by one {_remedy(key)}")
+
+
+def _same_track(one: Track, other: Track) -> bool:
+    """Whether two tracks have the same centreline, widths and lines."""
+    routes = one.centreline, other.centreline
+    lines = [{line.name: (line.start_m, line.end_m) for line in track.lines} for track in (one, other)]
+    return (
+        routes[0].closed == routes[1].closed
+        and all(
+            _near(getattr(routes[0], name), getattr(routes[1], name))
+            for name in ("points_m", "half_left_m", "half_right_m")
         )
+        and list(lines[0]) == list(lines[1])
+        and _near(list(lines[0].values()), list(lines[1].values()))
+    )
+
+
+def _same_calibration(one: Raced, other: Raced) -> bool:
+    """Whether the picture lies the same on the floor in two runs, all along the route."""
+    if one.identity.calibration == other.identity.calibration:
+        return True
+    first, second, route_m = one.setup.ground, other.setup.ground, one.setup.track.centreline.points_m
+    if (first.width_px, first.height_px) != (second.width_px, second.height_px):
+        return False
+    picture_px = first.to_camera_px(route_m)
+    return bool(second.sees_ground(picture_px).all()) and _near(second.to_track_m(picture_px), route_m)
+
+
+def _near(one: ArrayLike, other: ArrayLike) -> bool:
+    first, second = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    return first.shape == second.shape and bool(np.all(np.abs(first - second) <= _SAME_M))
 
 
 def _track_difference(one: Track, other: Track) -> str:
@@ -77,6 +112,11 @@ def _rule_difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[
     first, second = _flat(one), _flat(other)
     key = next(key for key in sorted(first | second) if first.get(key) != second.get(key))
     return key, _said(first, key), _said(second, key)
+
+
+def _remedy(key: str) -> str:
+    section = key.partition(".")[0]
+    return "rule set with --rules" if section in SECTIONS else f"value with --set {key}=VALUE"
 
 
 def _said(rules: Mapping[str, Any], key: str) -> str:
