@@ -7,6 +7,7 @@ that we foresee is one line on stderr.
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from typing import Annotated
 
@@ -74,6 +75,7 @@ def main() -> None:
     """Entry point of the command: runs the verb and exits with its code.
 
     Typer itself answers wrong options (code 2), Ctrl-C where no verb does (130) and a reader of stdout that went away (1).
+    An `OSError` that comes so far is of stdout, on a full disk, say: whoever uses another file says so by itself.
     """
     logging.basicConfig(level=logging.WARNING, format="dnb-edge: %(message)s", stream=sys.stderr)
     try:
@@ -81,6 +83,11 @@ def main() -> None:
     except DnbEdgeError as error:
         _say(str(error))
         sys.exit(2 if isinstance(error, InputError) else 1)
+    except OSError as error:
+        _say(f"{error.filename or 'stdout'}: {error.strerror}")
+        # What waits to be written cannot be, and would fail once more at the very end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.exit(1)
 
 
 def _say(text: str) -> None:

@@ -152,17 +152,24 @@ def export(
 
 
 def _write_new(texts: dict[Path, str]) -> None:
-    """Writes each text into a new file: an export never replaces one. Raises `InputError` before any is written."""
+    """Writes each text into a new file: an export never replaces one. Raises `InputError` before any is written.
+
+    Where the disk fails, it raises `WorkError` and leaves none of them behind.
+    """
     there = next((path for path in texts if path.exists()), None)
     if there is not None:
         raise InputError(f"{there}: is there already; choose another name")
+    written: list[Path] = []
     for path, text in texts.items():
         try:
             with path.open("x", encoding="utf-8", newline="") as stream:
+                written.append(path)
                 stream.write(text)
         except FileExistsError as error:
             raise InputError(f"{path}: is there already; choose another name") from error
         except OSError as error:
+            for one in written:
+                one.unlink()
             raise WorkError(f"{path}: cannot be written: {error.strerror}") from error
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from edge_command import COMMAND, PATIENCE_S, Running, edge, environment
+from edge_command import COMMAND, PATIENCE_S, Race, Running, edge, environment
 from mcap.reader import make_reader
 
 from dnb_edge.record.reader import read_run
@@ -48,9 +48,8 @@ def test_a_signal_finishes_the_recording(
         assert reader.get_summary() is not None
     assert max(counts.values()) >= end["frames"]
     again = edge("score", recording, "--json")
-    kinds = ("crossing", "lap", "score", "run")
     assert again.code == 0
-    assert again.out.splitlines() == [line for line in ran.out.splitlines() if json.loads(line)["event"] in kinds]
+    assert again.out.splitlines() == [line for line in ran.out.splitlines() if json.loads(line)["event"] != "health"]
     assert end["laps"] == len(ran.of("lap"))
     assert len(ran.of("crossing")) == end["laps"] + 1
 
@@ -155,3 +154,50 @@ def test_a_reader_that_goes_away_gets_no_traceback(config: Path, words: tuple[st
     assert (done.returncode, done.stderr) == (1, "")
     runs = config.parent / "runs"
     assert [path.suffix for path in runs.iterdir()] == [".mcap"] if "run" in words else not runs.exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "--config", "demo.yaml", "--source", "sim:?laps=1", "--record", "runs", "--json", "--observations"),
+        ("config", "schema"),
+        ("runs", "list"),
+    ],
+    ids=" ".join,
+)
+def test_a_full_disk_behind_stdout_is_one_line(config: Path, words: tuple[str, ...]) -> None:
+    """`> results.json` on a full disk: code 1 and one line, no traceback; a recording under way is finished."""
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [*COMMAND, *words],
+            cwd=config.parent,
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=PATIENCE_S,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (1, "dnb-edge: stdout: No space left on device\n")
+    runs = config.parent / "runs"
+    assert [path.suffix for path in runs.iterdir()] == [".mcap"] if "run" in words else not runs.exists()
+
+
+def test_an_export_that_does_not_fit_leaves_nothing_behind(race: Race, small_disk: Callable[[str], Path]) -> None:
+    """Of one table or of three: code 1, one line, and no half of a file that would be in the way of the next try."""
+    disk = small_disk("8k")
+    filler = disk / "filler"
+    filler.write_bytes(bytes(4096))
+    several = edge("runs", "export", race.recording, "--what", "all", "-o", disk / "race.csv")
+    assert (several.code, several.complaint()) == (
+        1,
+        f"dnb-edge: {disk / 'race-passes.csv'}: cannot be written: No space left on device",
+    )
+    filler.write_bytes(bytes(8192))
+    one = edge("runs", "export", race.recording, "-o", disk / "race.csv")
+    assert (one.code, one.complaint()) == (
+        1,
+        f"dnb-edge: {disk / 'race.csv'}: cannot be written: No space left on device",
+    )
+    assert list(disk.iterdir()) == [filler]
