@@ -75,7 +75,7 @@ def _pictures(result: RunResult) -> str:
     lap_list = ", ".join(f"{lap_name(lap, several=several)} {time_words(lap)}" for lap in drawn) or "no complete lap"
     left_out = _left_out(len(result.laps), len(drawn))
     sectors = len(result.track.sector_lines)
-    sector_names = f" At S1{f' to S{sectors}' if sectors > 1 else ''} sectors end." if sectors else ""
+    sector_names = f" S1{f' to S{sectors}' if sectors > 1 else ''}: where sectors end." if sectors else ""
     parts = [
         "<section>\n<h2>Driven path</h2>",
         _figure(

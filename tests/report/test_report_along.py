@@ -212,9 +212,11 @@ def test_a_stretch_that_was_not_seen_is_a_gap(result: Callable[..., RunResult]) 
     for one in (run, gappy):
         picture = along_picture(one)
         assert picture is not None
-        drawn.append((np.abs(pixels(picture).astype(int) - blue) < 12).all(axis=2).sum())
+        mask = (np.abs(pixels(picture).astype(int) - blue) < 12).all(axis=2)
+        drawn.append([half.sum() for half in np.array_split(mask, 2)])
         assert off_picture(one) is not None
-    assert drawn[1] < 0.9 * drawn[0]
+    assert drawn[1][0] < 0.9 * drawn[0][0], "speed"
+    assert drawn[1][1] < 0.9 * drawn[0][1], "lateral error"
 
 
 def test_a_lap_of_which_nothing_was_seen(result: Callable[..., RunResult]) -> None:

@@ -99,10 +99,12 @@ def test_stamps_go_with_the_path_point_by_point(stranger: Seen) -> None:
     """Each instant once, rising, from crossing to crossing; a second sighting in one frame adds no point."""
     lap, crossings, observations = stranger
     twice = [*observations, replace(observations[0], track_m=(7.0, 7.0))]
-    (path,) = stamped_paths([lap], list(reversed(twice)), crossings)
+    (path,) = stamped_paths([lap], [*twice[1:], *twice[:1]], crossings)
+    np.testing.assert_array_equal(path.track_m[1], [7, 7])
+    (path,) = stamped_paths([lap], twice, crossings)
     since_s = (path.t_ns - lap.start_t_ns) * 1e-9
     np.testing.assert_allclose(since_s, [0.0, 0.3, 0.6, 1.0])
-    assert len(path.track_m) == 4
+    np.testing.assert_array_equal(path.track_m, [[0, 0], [1, 0], [2, 0], [0, 0]])
 
 
 def test_a_path_ends_at_a_finish_line_of_its_own(stranger: Seen) -> None:
