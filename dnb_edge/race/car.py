@@ -51,7 +51,10 @@ class CarRace:
         sigma_m = map_sigma_m or {}
         return cls(
             progress=Progress(track.centreline),
-            lines=tuple(LineWatch(line, crossing, map_sigma_m=sigma_m.get(line.name, 0.0)) for line in track.lines),
+            lines=tuple(
+                LineWatch(line, crossing, map_sigma_m=sigma_m.get(line.name, 0.0), route=track.centreline)
+                for line in track.lines
+            ),
             laps=LapMachine(
                 rules,
                 Course.of(track, rules),

@@ -20,7 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dnb_edge.race.fix import Fix
+from dnb_edge.race.hidden import LinePlace, driven_together, variance_along
 from dnb_edge.race.instant import Belief, Instant, Samples, find_instant
+from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.line import DirectedLine
 from dnb_edge.values import Crossing, Direction, PointM
 
@@ -31,9 +33,6 @@ fifths of a sigma beside the line seems to change sides once in exp(2 * 0.6 * 10
 GAP_JERK = 3.0
 """What a car may do while nobody sees it, however smoothly it was seen to drive: q / v^2 of `instant`, 1/s^3. At 1 m/s its
 acceleration wanders by 1.2 m/s^2 in half a second, and a gap of that length at the line adds 8.5 ms to sigma."""
-
-LEAST_SIGMA_M = 0.001
-"""No fix is trusted further than this, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,13 +81,26 @@ class _Passage:
     until_ns: int
     """Stamp up to which later fixes take part in the fit."""
     fixes: list[Fix]
+    by_route: bool = False
+    """Whether only the way along the route tells of it."""
 
 
 class LineWatch:
     """Watches one line for one car. Feed it every fix in order, and `tick` in frames without one; it returns the crossings."""
 
-    def __init__(self, line: DirectedLine, settings: CrossingSettings, *, map_sigma_m: float = 0.0) -> None:
-        """`map_sigma_m` is one sigma of the map's place for the line, across it, metres."""
+    def __init__(
+        self,
+        line: DirectedLine,
+        settings: CrossingSettings,
+        *,
+        map_sigma_m: float = 0.0,
+        route: Centreline | None = None,
+    ) -> None:
+        """`map_sigma_m` is one sigma of the map's place for the line, across it, metres. With `route`, what the car does unseen
+        is told by its way along the route.
+        """
+        self._place = None if route is None else LinePlace.of(route, line)
+        self._gap_ns = settings.gap_s * 1e9
         self._line = line
         self._settings = settings
         self._map_sigma_m = map_sigma_m
@@ -119,8 +131,9 @@ class LineWatch:
         done = self.tick(fix.t_ns) if self._due else []
         x, y = fix.observed_m
         across_m = self._across_x * (x - self._x) + self._across_y * (y - self._y)
-        recent = self._recent
+        recent, hidden = self._recent, False
         if recent:
+            hidden = self._place is not None and fix.t_ns - recent[-1].t_ns > self._gap_ns
             # Counted from the fix before: it is where a gap that ends now began.
             oldest_ns = recent[-1].t_ns - self._oldest_ns
             while recent[0].t_ns < oldest_ns:
@@ -128,9 +141,12 @@ class LineWatch:
         recent.append(fix)
         self._last_m = across_m
         side = 1.0 if across_m >= 0 else -1.0
-        if side == self._settled and self._candidate is None and self._waiting is None and not self._due:
+        idle = self._candidate is None and self._waiting is None and not self._due
+        if idle and side == self._settled and not hidden:
             return done
         self._near(fix, across_m, side)
+        if hidden:
+            self._hidden(fix)
         return done + self.tick(fix.t_ns)
 
     def tick(self, t_ns: int) -> list[Crossing]:
@@ -170,9 +186,20 @@ class LineWatch:
             self._turned_m -= self._settled * across_m
             if self._turned_m <= 0.0:
                 self._candidate, self._turned_m = None, 0.0
-            elif self._turned_m > TURN_SIGMAS * math.sqrt(_variance_along(self._line.forward, fix.covariance_m2)):
+            elif self._turned_m > TURN_SIGMAS * math.sqrt(variance_along(self._line.forward, fix.covariance_m2)):
                 self._settle()
         self._confirm(across_m)
+
+    def _hidden(self, fix: Fix) -> None:
+        """Takes the first fix after a gap: where its sides do not tell that the line was passed in it, the route may."""
+        before, place = self._recent[-2], self._place
+        direction = None if place is None else place.passed(before, fix, margin_m=self._settings.hysteresis_m)
+        known = [self._candidate, self._waiting, *self._due]
+        if direction is None or any(
+            one is not None and one.after is fix and one.direction is direction for one in known
+        ):
+            return
+        self._due.append(replace(self._passage(fix), direction=direction, by_route=True))
 
     def _settle(self) -> None:
         """The candidate is where the car changed sides. Where it is back where it came from, a passage is undone."""
@@ -212,19 +239,48 @@ class LineWatch:
         return [crossing for passage in passages if (crossing := self._crossing(passage)) is not None]
 
     def _crossing(self, passage: _Passage) -> Crossing | None:
-        """The crossing that a passage is; None where it leads past the line's ends."""
-        before, after, settings = passage.before, passage.after, self._settings
+        """The crossing that a passage is; None where it leads past the line's ends, and not along the route either."""
+        before, after = passage.before, passage.after
+        passage = replace(passage, fixes=driven_together(passage.fixes, after))
+        found = None if passage.by_route else self._by_distance(passage)
+        gap_s = bracket_s(before, after)
+        if gap_s > self._settings.gap_s and (found is None or gap_s > 2 * self._settings.fit_half_s):
+            found = self._by_route(passage) or found
+        return None if found is None else self._told(passage, *found)
+
+    def _by_distance(self, passage: _Passage) -> tuple[Instant, float] | None:
+        """(instant, seconds between the fixes on either side of it) by the distance from the line; None where the way between
+        the two leads past the line's ends.
+        """
+        before, after = passage.before, passage.after
         bracket = self._straight(before, after)
         if not self._is_within(bracket.along_m, math.dist(before.observed_m, after.observed_m)):
             return None
         found, gap_s = bracket, bracket_s(before, after)
-        if gap_s <= 2 * settings.fit_half_s:
+        if gap_s <= 2 * self._settings.fit_half_s:
             fitted = self._fitted(passage, bracket)
             found, gap_s = fitted if fitted is not None else (self._standing(bracket), gap_s)
-        if not self._is_within(found.along_m, 0.0):
+        return (found, gap_s) if self._is_within(found.along_m, 0.0) else None
+
+    def _by_route(self, passage: _Passage) -> tuple[Instant, float] | None:
+        """The same by the way along the route; None where that does not lead over the line."""
+        before, after = passage.before, passage.after
+        route = None if self._place is None else self._place.samples(passage.fixes, before, after, passage.direction)
+        if route is None:
             return None
+        gap_s = bracket_s(before, after)
+        found = find_instant(route.samples, route.near_s, passage.direction is Direction.FORWARD, self._belief)
+        # What the fit learns of a car that nobody sees is no news of one that is seen.
+        instant = None if found is None else self._widened(found[0], 0.0, gap_s)
+        if instant is None:
+            instant = Instant(
+                t_s=route.near_s, sigma_s=gap_s / math.sqrt(12.0), speed_mps=route.speed_mps, along_m=route.along_m
+            )
+        return replace(instant, along_m=min(max(route.along_m, 0.0), self._line.length_m)), gap_s
+
+    def _told(self, passage: _Passage, found: Instant, gap_s: float) -> Crossing:
+        before, settings = passage.before, self._settings
         t_ns = before.seen_t_ns + round(found.t_s * 1e9)
-        share = found.along_m / self._line.length_m
         speed_mps = max(found.speed_mps, 1e-6)
         return Crossing(
             t_ns=t_ns,
@@ -236,8 +292,8 @@ class LineWatch:
                 settings.stamp_sigma_s,
                 math.hypot(settings.lasting_sigma_m, self._map_sigma_m) / speed_mps,
             ),
-            track_m=_between(self._line.start_m, self._line.end_m, share),
-            target_id=after.target_id,
+            track_m=_between(self._line.start_m, self._line.end_m, found.along_m / self._line.length_m),
+            target_id=passage.after.target_id,
             estimated=gap_s > settings.gap_s,
             speed_mps=found.speed_mps,
             map_sigma_m=self._map_sigma_m,
@@ -263,7 +319,7 @@ class LineWatch:
             t_s=t_s,
             across_m=np.array([self._line.signed_distance(fix.observed_m) for fix in fixes]),
             along_m=np.array([self._along_m(fix.observed_m) for fix in fixes]),
-            variance_m2=np.array([_variance_along(self._line.forward, fix.covariance_m2) for fix in fixes]),
+            variance_m2=np.array([variance_along(self._line.forward, fix.covariance_m2) for fix in fixes]),
             stamp_sigma_s=np.array([fix.stamp_sigma_s for fix in fixes]),
         )
         found = find_instant(samples, bracket.t_s, passage.direction is Direction.FORWARD, self._belief)
@@ -273,14 +329,19 @@ class LineWatch:
         later = min(max(int(np.searchsorted(t_s, instant.t_s)), 1), len(t_s) - 1)
         from_s, until_s = float(t_s[later - 1]), float(t_s[later])
         gap_s = until_s - from_s
+        return self._widened(instant, from_s, until_s), gap_s
+
+    def _widened(self, instant: Instant, from_s: float, until_s: float) -> Instant:
+        """The instant of a car that nobody saw from one second to another, with what it can have done in that time."""
+        gap_s = until_s - from_s
         # The mean of two departures from the parabola, one from either side (see `instant`); 10 um at 30 frames a second.
         unseen_s = math.sqrt(GAP_JERK * (gap_s / 2.0) ** 5 / 40.0)
         instant = replace(instant, sigma_s=math.hypot(instant.sigma_s, unseen_s))
         if gap_s <= self._settings.gap_s:
-            return instant, gap_s
+            return instant
         # That it was crossed in the gap, the fixes on either side say for themselves.
         sigma_s = 1.0 / math.hypot(1.0 / instant.sigma_s, math.sqrt(12.0) / gap_s)
-        return replace(instant, t_s=min(max(instant.t_s, from_s), until_s), sigma_s=sigma_s), gap_s
+        return replace(instant, t_s=min(max(instant.t_s, from_s), until_s), sigma_s=sigma_s)
 
     def _standing(self, bracket: Instant) -> Instant:
         """The instant of a car that stood on the line as long as the fit can see: any within it is as likely."""
@@ -313,12 +374,6 @@ def lap_sigma_s(start: Crossing, end: Crossing) -> float:
     if start.direction is not end.direction:
         second_s = -second_s
     return math.sqrt(max(apart**2 - 2 * first_s * second_s, 0.0))
-
-
-def _variance_along(direction: tuple[float, float], covariance_m2: tuple[float, float, float]) -> float:
-    x, y = direction
-    xx, xy, yy = covariance_m2
-    return max(x * x * xx + 2 * x * y * xy + y * y * yy, LEAST_SIGMA_M**2)
 
 
 def _between(a: PointM, b: PointM, share: float) -> PointM:

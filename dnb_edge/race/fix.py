@@ -21,6 +21,11 @@ LOST_S = 1.0
 HEADING_M = 0.1
 """Way that tells in which direction the car drives, and so on which branch of a crossing it was found, metres."""
 
+FASTER = 1.2
+"""So much faster than it was seen to be a car may have been while nobody saw it."""
+
+SPARE_M = 0.1
+"""So much farther than its speed allows a car may be, metres: what observations scatter and bends cut."""
 
 STAMP_SIGMA_S: dict[StampSource | None, float] = {
     StampSource.START_OF_FRAME: 0.3e-3,
@@ -74,6 +79,8 @@ class Fix:
     """How long after `t_ns` the row of the picture that shows the car was read, ns (rolling shutter)."""
     stamp_sigma_s: float = 0.0
     """One standard deviation of this frame's stamp against its neighbours', seconds."""
+    fastest_mps: float = 0.0
+    """How fast the car was ever seen to drive along the route until then, in three steps in a row, metres per second."""
     camera_px: PointPx | None = None
     """Where in the picture it was observed, camera px; None where nobody told."""
 
@@ -94,6 +101,9 @@ class Progress:
         self._centreline = centreline
         self._last: Fix | None = None
         self._speed_mps = 0.0
+        self._along_mps = 0.0
+        self._paces_mps: tuple[float, ...] = ()
+        self._fastest_mps = 0.0
         self._unsure_since: PointM | None = None
 
     @property
@@ -107,7 +117,7 @@ class Progress:
         """The fix for one observation of the car and its filtered position `track_m`, track m."""
         route, last = self._centreline, self._last
         s_m, d_m = self._located(observation.t_ns, track_m)
-        step_m = 0.0 if last is None else route.step_m(last.s_m, s_m)
+        step_m = 0.0 if last is None else self._step_m(last, s_m, observation.t_ns)
         branch = self._other_branch(s_m, track_m)
         if last is not None and branch is not None:
             # It was on this branch before, too: what it drove since is what it drove along it.
@@ -128,11 +138,33 @@ class Progress:
             camera_px=observation.camera_px,
             read_after_ns=stamps.read_after_ns(observation.camera_px[1]),
             stamp_sigma_s=STAMP_SIGMA_S[stamps.source],
+            fastest_mps=self._fastest_mps,
         )
         if last is not None and fix.t_ns > last.t_ns:
-            self._speed_mps += 0.2 * (abs(step_m) * 1e9 / (fix.t_ns - last.t_ns) - self._speed_mps)
+            along_mps = step_m * 1e9 / (fix.t_ns - last.t_ns)
+            self._speed_mps += 0.2 * (abs(along_mps) - self._speed_mps)
+            self._along_mps += 0.2 * (along_mps - self._along_mps)
+            self._paces_mps = (*self._paces_mps[-2:], abs(along_mps))
+            if len(self._paces_mps) == 3:
+                self._fastest_mps = max(self._fastest_mps, min(self._paces_mps))
         self._last = fix
         return fix
+
+    def _step_m(self, last: Fix, s_m: float, t_ns: int) -> float:
+        """The way along the route since the fix before: the shorter way round, or the longer one where the car was unseen for
+        about as long as it takes at its speed.
+        """
+        route = self._centreline
+        step_m = route.step_m(last.s_m, s_m)
+        dt_s = (t_ns - last.t_ns) * 1e-9
+        can_m = FASTER * self._fastest_mps * dt_s + SPARE_M
+        # Who can have come round more than once may be anywhere.
+        if not route.closed or not 0.5 * route.length_m < can_m < 1.5 * route.length_m:
+            return step_m
+        expected_m = self._along_mps * dt_s
+        other_m = step_m - math.copysign(route.length_m, step_m)
+        is_likelier = abs(other_m - expected_m) < abs(step_m - expected_m)
+        return other_m if is_likelier and abs(other_m) <= can_m else step_m
 
     def _located(self, t_ns: int, track_m: PointM) -> tuple[float, float]:
         """(s_m, d_m) of the car: near where it was in the fix before, as far as it can have gone on since; else anywhere."""

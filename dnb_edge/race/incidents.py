@@ -107,6 +107,10 @@ class Pace:
         is_far = moved_m - can_m > self._lifted_m
         return Step(fix=fix, before=before, dt_s=dt_s, moved_m=moved_m, can_m=can_m, rest=rest, lifted=is_far)
 
+    def can_m(self, a: Fix, b: Fix) -> float:
+        """How far the car drives from one fix to a later one at the greatest speed at which it was seen."""
+        return self._fastest_mps * (b.t_ns - a.t_ns) * 1e-9
+
     def back_to(self, fix: Fix | None) -> None:
         """Forgets all fixes after `fix`: they will come again."""
         self.last = fix

@@ -366,7 +366,8 @@ class LapMachine:
             known = last or coming
             return 0.0 if known is None else known.progress_m
         step_m = coming.progress_m - last.progress_m
-        if abs(step_m) > 2 * math.dist(last.track_m, coming.track_m) + self._rules.short_cut_m:
+        can_m = max(2 * math.dist(last.track_m, coming.track_m), self._pace.can_m(last, coming))
+        if abs(step_m) > can_m + self._rules.short_cut_m:
             return last.progress_m
         return last.progress_m + step_m * (t_ns - last.t_ns) / (coming.t_ns - last.t_ns)
 
