@@ -29,9 +29,10 @@ class Raced:
 
 
 def raced(replayed: Replayed) -> Raced:
-    """The trials of one recording: a car that its setup names is an entry of that name; the only car is the run's entry."""
+    """The trials of one recording, without warm-up laps: a car that its setup names is an entry of that name; the only car is the run's entry."""
     identity = identity_of(replayed.setup)
-    laps = [event for event in replayed.events if isinstance(event, Lap)]
+    warm_up = replayed.setup.format.warm_up_laps
+    laps = [event for event in replayed.events if isinstance(event, Lap) and event.number > warm_up]
     dnf = _dnf(replayed)
     driver = replayed.header.driver
     alone = Trial(

@@ -70,7 +70,7 @@ class Alike:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntryRow:
-    """One row of the table: all trials of one entry, or one of them. Times are official ones, penalties included."""
+    """One row of the table: all trials of one entry, or one of them. Figures are official ones, penalties included."""
 
     entry: str
     """Name of the entry."""
@@ -172,6 +172,11 @@ def official_s(lap: Lap) -> float:
     return lap.time_s if lap.official_time_s is None else lap.official_time_s
 
 
+def official_percent(lap: Lap) -> float | None:
+    """The lap's path similarity times its penalties' factors, 0..100; None where it was not scored."""
+    return None if lap.similarity_percent is None else lap.similarity_percent * lap.penalty_factor
+
+
 def printable(text: str) -> str:
     """`text` on one line and without control characters: any space as a plain one, anything else unprintable as `?`."""
     return "".join(char if char.isprintable() else " " if char.isspace() else "?" for char in text)
@@ -182,7 +187,7 @@ def _valid(trial: Trial) -> list[Lap]:
 
 
 def _similarities(trial: Trial) -> Sample:
-    return Sample(values=tuple(lap.similarity_percent for lap in _valid(trial) if lap.similarity_percent is not None))
+    return Sample(values=tuple(percent for lap in _valid(trial) if (percent := official_percent(lap)) is not None))
 
 
 def _times(trial: Trial) -> Sample:

@@ -166,6 +166,14 @@ def test_another_calibration_is_refused_within_a_session_and_told_of_between_two
     assert table(tuesday, unnamed).stderr == ""
 
 
+def test_warm_up_laps_are_in_no_figure(tmp_path: Path) -> None:
+    """As in the standings: neither attempted, nor the best, nor in a mean."""
+    record(tmp_path, "1.mcap", STEADY)
+    (row,) = rows(tmp_path, "--set", "format.warm_up_laps=2")
+    assert (row["laps"], row["attempted_laps"]) == (1, 1)
+    assert row["best_lap_s"] == row["completion_time_s"] == pytest.approx(2.4, abs=0.01)
+
+
 def test_each_of_several_cars_is_an_entry(tmp_path: Path) -> None:
     """By the names in the setup, or by their numbers; a car of the entry's name keeps the entry's version."""
     named = (CarSetup(name="red", marker_id=1), CarSetup(name="net", marker_id=2))

@@ -133,6 +133,13 @@ def test_penalties_are_in_the_official_time_and_in_a_column() -> None:
     assert "Penalties" not in as_text(result_table(PAPER)) + as_latex(result_table(PAPER))
 
 
+def test_a_factor_is_in_the_official_similarity() -> None:
+    """As it is in the standings by similarity: a factor costs points wherever entries are compared."""
+    cut = replace(lap(10.0, 90.0), penalty_factor=0.5)
+    (row,) = entry_rows([Attempt("a", (cut, lap(10.0, 70.0)))])
+    assert row.similarity_percent == 57.5
+
+
 def test_who_cannot_be_told_apart_is_said_in_every_form() -> None:
     """A sentence in text, labels in JSON, letters in CSV and LaTeX: two fast entries are alike, the slow one is not."""
     table = result_table(ALIKE)
