@@ -250,8 +250,17 @@ def _most_laps(result: CarResult, counted: Sequence[Lap], rules: FormatRules) ->
 
 
 def _since_start(result: CarResult, laps: Sequence[Lap], rules: FormatRules) -> tuple[float, float]:
-    """As `_sum`, and without warm-up laps from where the car's race began."""
-    return _sum(laps, from_t_ns=result.start_t_ns if rules.warm_up_laps == 0 else None)
+    """The time from where the car's race began, or without warm-up laps from the first of `laps`, to the end of the last, and
+    its sigma, seconds; with all penalties. What was driven between laps, and in laps that a judge took away, is in it.
+    """
+    first, last = laps[0], laps[-1]
+    given_ns = result.start_t_ns if rules.warm_up_laps == 0 else None
+    start_ns = first.start_t_ns if given_ns is None else min(given_ns, first.start_t_ns)
+    # A start that was given is exactly known; otherwise it is the crossing that began the first lap, or one like it.
+    is_exact = given_ns is not None and start_ns < first.start_t_ns
+    halves = (0.0 if is_exact else first.sigma_s**2, last.sigma_s**2)
+    penalties_s = (official_s(lap) - lap.time_s for lap in laps)
+    return math.fsum([(last.end_t_ns - start_ns) * 1e-9, *penalties_s]), math.sqrt(0.5 * math.fsum(halves))
 
 
 def _similarity(valid: Sequence[Lap]) -> _Rank | None:
@@ -286,20 +295,15 @@ def _survival(result: CarResult, rules: FormatRules) -> _Rank | None:
     return _Rank(exact=(-survived_s, -result.distance_m), value=survived_s)
 
 
-def _sum(laps: Sequence[Lap], from_t_ns: int | None = None) -> tuple[float, float]:
-    """The sum of the laps' official times, at least one in the order of numbers, and its sigma, seconds.
-
-    With `from_t_ns`, the time from there to the first lap is part of it: a start that was given is exactly known.
-    """
+def _sum(laps: Sequence[Lap]) -> tuple[float, float]:
+    """The sum of the laps' official times, at least one in the order of numbers, and its sigma, seconds."""
     joined = [before.end_t_ns == after.start_t_ns for before, after in pairwise(laps)]
-    lead_in_s = 0.0 if from_t_ns is None else max(0.0, (laps[0].start_t_ns - from_t_ns) * 1e-9)
-    sigma_s = _sum_sigma([lap.sigma_s for lap in laps], joined, start_is_exact=lead_in_s > 0)
-    return math.fsum([lead_in_s, *(official_s(lap) for lap in laps)]), sigma_s
+    return math.fsum(official_s(lap) for lap in laps), _sum_sigma([lap.sigma_s for lap in laps], joined)
 
 
-def _sum_sigma(sigmas: Sequence[float], joined: Sequence[bool], *, start_is_exact: bool = False) -> float:
+def _sum_sigma(sigmas: Sequence[float], joined: Sequence[bool]) -> float:
     """Sigma of the sum of times between crossings; `joined` says for each neighbouring two whether they share one."""
-    starts = [start_is_exact, *joined]
+    starts = [False, *joined]
     ends = [*joined, False]
     return math.sqrt(
         math.fsum(

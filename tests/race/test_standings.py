@@ -102,6 +102,17 @@ def test_a_start_that_was_given_begins_the_total_time() -> None:
     assert (line.value, line.sigma) == (pytest.approx(20.0), pytest.approx(SIGMA_S))
 
 
+@pytest.mark.parametrize("rank_by", [Ranking.TOTAL_TIME, Ranking.MOST_LAPS])
+def test_a_lap_that_was_taken_away_gives_no_time_back(rank_by: Ranking) -> None:
+    """Whichever of its laps a judge takes away, the clock ran: the car comes after one that drove as many in less."""
+    laps = in_a_row([10, 10, 10, 10])
+    without = {k: car(1, laps=tuple(one for one in laps if one.number != k)) for k in (1, 2, 3)}
+    values = [ranked(Ranking.TOTAL_TIME, result)[0].value for result in without.values()]
+    assert values == [pytest.approx(40.0)] * 3
+    for result in without.values():
+        assert order(ranked(rank_by, result, car(2, [11, 11, 11]))) == [2, 1]
+
+
 def test_similarity_is_the_mean_of_the_valid_laps_times_their_factors() -> None:
     """And equal similarities go by time, for two perfect drivers are told apart by speed."""
     scored = [
