@@ -117,7 +117,7 @@ class CarRace:
                 # The crossing may come to lie before the fix before the line.
                 sure_ns = min(sure_ns, unsettled_t_ns - 1)
         passed = self._released(max(sure_ns, t_ns - round(ORDER_S * 1e9))) if self.waiting else []
-        return passed + self.laps.settle(max(sure_ns, t_ns - round(WAIT_S * 1e9)))
+        return passed + self.laps.settle(max(sure_ns, t_ns - round(WAIT_S * 1e9)), sure_t_ns=sure_ns)
 
     def retire(self, t_ns: int, reason: str) -> list[Incident]:
         """Takes the car out of its race; returns the incidents that were going on."""

@@ -157,8 +157,12 @@ class LapMachine:
         self._end(f"the car has retired: {reason}")
         return incidents
 
-    def settle(self, t_ns: int) -> list[Incident]:
-        """Says that no crossing will come any more with a stamp up to `t_ns`; returns the incidents that ended."""
+    def settle(self, t_ns: int, *, sure_t_ns: int | None = None) -> list[Incident]:
+        """Says that no crossing will come any more with a stamp up to `t_ns`; returns the incidents that ended.
+
+        `sure_t_ns` is earlier than that where one that is on its way may come all the same: nobody waits for it any longer, but
+        until it is known no lap was too slow that it may have ended in time.
+        """
         if self._coming and t_ns - self._coming[-1].t_ns < LAG_S * 1e9:
             # The instant of a crossing may come to lie a little before the latest fix that was not through the line yet.
             t_ns = min(t_ns, self._coming[-1].t_ns - 1)
@@ -166,7 +170,7 @@ class LapMachine:
         incidents = []
         if limit_ns is not None and self._is_past(limit_ns, t_ns):
             incidents = self._time_is_up(limit_ns)
-        return incidents + self._settle(t_ns)
+        return incidents + self._settle(t_ns, t_ns if sure_t_ns is None else min(t_ns, sure_t_ns))
 
     def crossed(self, crossing: Crossing) -> list[Passed]:
         """Takes one crossing of any line; returns it with its status, and what ended with it, in the order of stamps."""
@@ -323,7 +327,7 @@ class LapMachine:
         self._coming.clear()
         self._frames.clear()
 
-    def _settle(self, t_ns: int) -> list[Incident]:
+    def _settle(self, t_ns: int, sure_t_ns: int | None = None) -> list[Incident]:
         incidents: list[Incident] = []
         lap = self._lap
         while self._coming and self._coming[0].t_ns <= t_ns:
@@ -335,7 +339,8 @@ class LapMachine:
         # A crossing in a gap is known only after it: until then its frames belong to no lap.
         self._count(max(min(t_ns if last is None else last.t_ns, t_ns), t_ns - round(WAIT_S * 1e9)))
         limit_s = self._rules.max_lap_s
-        if lap is not None and limit_s is not None and self._is_past(lap.start.t_ns + round(limit_s * 1e9), t_ns):
+        sure_ns = t_ns if sure_t_ns is None else sure_t_ns
+        if lap is not None and limit_s is not None and self._is_past(lap.start.t_ns + round(limit_s * 1e9), sure_ns):
             incidents += self._tell(lap.slow(t_ns, last))
         return incidents
 

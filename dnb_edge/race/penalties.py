@@ -105,13 +105,19 @@ def judged_run(
 ) -> tuple[tuple[Lap, ...], tuple[Penalty, ...]]:
     """All complete laps of one car's run with what its incidents cost, and the penalties that belong to no complete lap.
 
-    The latter are of a lap that was never finished. What is `free` goes by the incidents' numbers. Lap by lap, as a race
+    The latter are of laps that were never finished; of one that was given up for a new one, which bears its number, is what
+    began before the new one did. What is `free` goes by the incidents' numbers. Lap by lap, as a race
     runs, it comes to the same.
     """
     charged = sorted(
         (incident for incident in incidents if charged_to(incident) is not None), key=lambda incident: incident.number
     )
-    lap_of = {incident.number: charged_to(incident) for incident in charged}
+    start_ns = {lap.number: lap.start_t_ns for lap in laps}
+    lap_of: dict[int, int | None] = {}
+    for incident in charged:
+        number = charged_to(incident)
+        given_up = incident.kind is not IncidentKind.JUMP_START and incident.start_t_ns < start_ns.get(number or 0, 0)
+        lap_of[incident.number] = None if given_up else number
     penalties: dict[int | None, list[Penalty]] = defaultdict(list)
     for penalty in penalties_of(charged, rules, {}):
         assert penalty.incident is not None, "it comes of an incident"

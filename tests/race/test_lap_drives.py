@@ -12,7 +12,7 @@ from race_drive import Where, at, drive, incidents_of, laps_of, ring, statuses
 from dnb_edge.race.laps import DrivenLap, Passed
 from dnb_edge.race.rules import LapRules
 from dnb_edge.track.line import line_across
-from dnb_edge.values import Crossing, Direction, Incident, IncidentKind, PassStatus
+from dnb_edge.values import Crossing, Direction, IncidentKind, PassStatus
 
 W = 1.3
 """Angular speed of the steady car, radians per second; on a ring of one metre also its speed."""
@@ -287,15 +287,15 @@ def test_a_lap_that_is_too_slow_is_told_when_it_is_and_counted_when_it_ends() ->
 
 
 def test_a_lap_that_ended_in_time_is_not_too_slow_though_its_end_is_told_late() -> None:
-    """The car halts 30 mm behind the line for longer than anything waits: the limit is told, and does not count."""
+    """The car halts 30 mm behind the line for longer than anything waits: nobody says that it was too slow, so nobody takes it
+    out of the race."""
     end_s = (0.6 + ROUND + 0.03) / W
 
     def where(t_s: float) -> tuple[float, float]:
         return steady(t_s if t_s < end_s else max(end_s, t_s - 60.0))
 
     told = drive(TRACK, where, seconds=end_s + 63, rules=LapRules(max_lap_s=8.0))
-    assert isinstance(told[1], Incident), "told before the crossing"
-    assert told[1].kind is IncidentKind.TOO_SLOW
+    assert [one.lap for one in incidents_of(told) if one.kind is IncidentKind.TOO_SLOW] == [2], "in which it stood"
     (driven,) = laps_of(told)
     assert driven.lap.time_s == pytest.approx(LAP_S, abs=0.02)
     assert driven.incidents == ()
@@ -320,3 +320,15 @@ def test_a_car_first_seen_driving_backwards_crosses_and_nothing_more() -> None:
     assert {(one.status, one.reason, one.lap) for one in crossings} == {(PassStatus.IGNORED, "backwards", None)}
     assert laps_of(told) == []
     assert incidents_of(told) == []
+
+
+@pytest.mark.parametrize(("away_m", "is_slow"), [(-0.1, True), (-0.03, True), (0.2, False)])
+def test_a_car_that_halts_at_the_line_is_too_slow_only_before_it(away_m: float, is_slow: bool) -> None:
+    """It stands for a minute past the limit, and is told once the limit is over where it has not come to the line."""
+    end_s = (0.6 + ROUND + away_m) / W
+    where = lambda t: steady(t if t < end_s else max(end_s, t - 60.0))  # noqa: E731
+    told = drive(TRACK, where, seconds=end_s + 63, rules=LapRules(max_lap_s=8.0), noise_m=0.002)
+    slow = [one for one in incidents_of(told) if one.kind is IncidentKind.TOO_SLOW]
+    assert [one.lap for one in slow] == ([1] if is_slow else [2])
+    driven = laps_of(told)[0]
+    assert (IncidentKind.TOO_SLOW in kinds_of(driven)) == is_slow

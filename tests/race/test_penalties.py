@@ -40,19 +40,20 @@ def lap(number: int = 1, time_s: float = 10.0, **fields: Any) -> Lap:
     return Lap(**given | fields)
 
 
-def incident(kind: IncidentKind, number: int = 1, of_lap: int | None = 1) -> Incident:
+def incident(kind: IncidentKind, number: int = 1, of_lap: int | None = 1, *, start_t_ns: int | None = None) -> Incident:
+    began_ns = ((of_lap or 1) - 1) * 10 * SECOND_NS + number if start_t_ns is None else start_t_ns
     return Incident(
         number=number,
         kind=kind,
         car=1,
         target_id=1,
         lap=of_lap,
-        start_t_ns=number,
-        end_t_ns=number + 1,
+        start_t_ns=began_ns,
+        end_t_ns=began_ns + 1,
         start_s=0.0,
         lasted_s=0.4,
         greatest_m=0.1,
-        worst_t_ns=number,
+        worst_t_ns=began_ns,
         track_m=(0.0, 0.0),
         camera_px=None,
         s_m=0.0,
@@ -204,3 +205,15 @@ def test_the_first_that_ends_the_race_ends_it(told: list[tuple[IncidentKind, int
     rules = PenaltyRules(off_track=Effect(dnf=True, free=1), jump_start=Effect(dnf=True))
     found = retires([incident(kind, k, of_lap) for k, (kind, of_lap) in enumerate(told, start=1)], rules)
     assert (found.incident if found else None) == by
+
+
+def test_what_happened_in_a_lap_that_was_given_up_is_not_charged_to_the_one_that_was_driven_instead() -> None:
+    """Both are lap 2: of the first, given up before the other began, the free one is used up, and its penalty stays."""
+    rules = PenaltyRules(off_track=Effect(seconds=1.0, free=1))
+    given_up = [incident(OFF, 1, 2, start_t_ns=6 * SECOND_NS), incident(OFF, 2, 2, start_t_ns=7 * SECOND_NS)]
+    laps = [lap(1, 5.0), lap(2)]
+    judged_laps, rest = judged_run(laps, [*given_up, incident(OFF, 3, 2)], rules)
+    assert [[one.incident for one in each.penalties] for each in judged_laps] == [[], [3]]
+    assert [one.incident for one in rest] == [2]
+    first = incident(IncidentKind.JUMP_START, 1, 1, start_t_ns=-5)
+    assert [len(one.penalties) for one in judged_run(laps, [first], PenaltyRules())[0]] == [1, 0]
