@@ -191,3 +191,28 @@ def test_a_rolling_shutter_reads_low_rows_later(source: StampSource) -> None:
     read_s = 500 * 40e-6 if source is StampSource.START_OF_FRAME else -219 * 40e-6
     assert stamps.read_after_ns(500.0) == round(read_s * 1e9)
     assert abs(read_s) > 3 * crossing.sigma_s
+
+
+def passing_after(bad: int, *, good_before: int = 20, good_after: int = 8, worse: float, seed: int) -> list[float]:
+    """Sigmas of passes at 1 m/s with 4 mm noise, before, while and after the detections were `worse` times as bad."""
+    random = np.random.default_rng(seed)
+    watch, found = LineWatch(LINE, CrossingSettings()), []
+    for lap in range(good_before + bad + good_after):
+        sigma_m = 0.004 * (worse if good_before <= lap < good_before + bad else 1.0)
+        for k in range(60):
+            found += watch.feed(fix(3.0 * lap + k / 30, k / 30 - 1.0 + random.normal(0.0, sigma_m), 0.004))
+        for back in (1.0, -1.0):
+            found += watch.feed(replace(fix(3.0 * lap + 2.5 + 0.1 * (back < 0), back, 0.004), observed_m=(back, 5.0)))
+    return [one.sigma_s for one in found]
+
+
+@pytest.mark.parametrize(("worse", "bad"), [(3.0, 5), (6.0, 5), (3.0, 40)])
+def test_a_burst_of_bad_detections_is_soon_forgotten(worse: float, bad: int) -> None:
+    """What was learnt in bad laps widens those, the first good one by less than two fifths, and the third by next to nothing."""
+    every = [passing_after(bad, worse=worse, seed=seed) for seed in range(6)]
+    sigmas = np.median([one for one in every if len(one) == 28 + bad], axis=0)
+    assert every[0] == passing_after(bad, worse=worse, seed=0), "the same once more"
+    good, after = sigmas[10:20].mean(), sigmas[20 + bad :]
+    assert sigmas[20 : 20 + bad].mean() > 0.6 * worse * good
+    assert after[0] < 1.4 * good
+    assert after[2] < 1.15 * good
