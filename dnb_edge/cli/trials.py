@@ -29,7 +29,8 @@ class Raced:
 
 
 def raced(replayed: Replayed) -> Raced:
-    """The trials of one recording, without warm-up laps: a car that its setup names is an entry of that name; the only car is the run's entry."""
+    """The trials of one recording, without warm-up laps: a car that its setup names is an entry of that name; the only car is
+    the run's entry."""
     identity = identity_of(replayed.setup)
     warm_up = replayed.setup.format.warm_up_laps
     laps = [event for event in replayed.events if isinstance(event, Lap) and event.number > warm_up]
