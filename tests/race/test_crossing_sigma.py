@@ -208,7 +208,7 @@ def passing_after(bad: int, *, good_before: int = 20, good_after: int = 8, worse
 
 @pytest.mark.parametrize(("worse", "bad"), [(3.0, 5), (6.0, 5), (3.0, 40)])
 def test_a_burst_of_bad_detections_is_soon_forgotten(worse: float, bad: int) -> None:
-    """What was learnt in bad laps widens those, the first good one by less than two fifths, and the third by next to nothing."""
+    """What was learnt in bad laps widens those, the first good one by less than two fifths, the third by next to nothing."""
     every = [passing_after(bad, worse=worse, seed=seed) for seed in range(6)]
     sigmas = np.median([one for one in every if len(one) == 28 + bad], axis=0)
     assert every[0] == passing_after(bad, worse=worse, seed=0), "the same once more"
