@@ -17,13 +17,14 @@ from rich.console import Console
 from rich.table import Table
 
 from dnb_edge.cli.replayed import Replayed, replay
+from dnb_edge.cli.standing_words import last_standings, standing_words
 from dnb_edge.display.picture import seconds
 from dnb_edge.errors import InputError
 from dnb_edge.race.edit import Edit, LapKey
 from dnb_edge.race.marshal import Marshalled, MarshalledLap, added_to, apply
 from dnb_edge.record.edits import EditLog, append_edit, edits_path, locked, read_edits
 from dnb_edge.report.table import printable
-from dnb_edge.values import Crossing, Event, Lap, Standings
+from dnb_edge.values import Crossing, Event, Lap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,15 +169,8 @@ def standings_before_and_after(before: Sequence[Event], after: Sequence[Event]) 
 
 
 def _standing_words(events: Sequence[Event]) -> list[str]:
-    last = next((event for event in reversed(events) if isinstance(event, Standings)), None)
-    words = []
-    for row in () if last is None else last.rows:
-        assert last is not None, "it has the rows"
-        value = "no result" if row.value is None else f"{row.value:.3f} {last.unit}"
-        end = "" if row.dnf is None else f", DNF: {printable(row.dnf)}"
-        tie = f" (tied for {row.place})" if row.tied else ""
-        words.append(f"{printable(row.name)}  {value}{tie}{end}")
-    return words
+    last = last_standings(events)
+    return [] if last is None else [standing_words(row, last.unit) for row in last.rows]
 
 
 def lap_words(lap: Lap) -> str:

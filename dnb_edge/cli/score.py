@@ -13,6 +13,7 @@ from dnb_edge import wire
 from dnb_edge.cli.replayed import Replayed, WithEdits, replay
 from dnb_edge.cli.rescore import Wanted, changes, changes_text
 from dnb_edge.cli.results import OtherLines, OtherRules, OtherTrack, OtherValues, Runs, recordings
+from dnb_edge.cli.standing_words import last_standings, standing_words
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
 from dnb_edge.race.marshal import Marshalled, MarshalledLap
@@ -115,17 +116,27 @@ def _print_text(replayed: Replayed) -> None:
 
 
 def _lines(events: tuple[Event, ...], marshalled: Marshalled | None) -> list[str]:
+    """Each lap, with its car where there are several; who is first among several, or that the only car did not finish."""
     lines = []
+    last = last_standings(events)
+    rows = () if last is None else last.rows
     changed = {} if marshalled is None else {id(one.lap): one for one in marshalled.laps if one.edits}
     for event in events:
         if isinstance(event, Lap):
             one = changed.get(id(event))
-            lines += [lap_line(event), *(() if one is None else told_edits(one))]
+            lines += [_lap_line(event, several=len(rows) > 1), *(() if one is None else told_edits(one))]
         elif isinstance(event, RunSummary):
             for gone in () if marshalled is None else marshalled.removed:
-                lines += [f"removed: {lap_line(gone.lap)}", *told_edits(gone)]
-            lines.append(f"{event.laps} laps in {event.frames} frames")
+                lines += [f"removed: {_lap_line(gone.lap, several=len(rows) > 1)}", *told_edits(gone)]
+            if last is not None and (len(rows) > 1 or rows[0].dnf is not None):
+                lines += [f"{row.place}. {standing_words(row, last.unit)}" for row in rows]
+            lines.append(f"{event.laps} lap{'' if event.laps == 1 else 's'} in {event.frames} frames")
     return lines
+
+
+def _lap_line(lap: Lap, *, several: bool) -> str:
+    line = printable(lap_line(lap))
+    return f"car {lap.car}  {line}" if several else line
 
 
 def told_edits(one: MarshalledLap) -> list[str]:

@@ -280,6 +280,17 @@ def test_several_cars_are_judged_each_by_itself(tmp_path: Path) -> None:
     first, last = scored(run, kind="standings")[-1]["rows"]
     assert (first["name"], first["laps"], last["name"], last["laps"]) == ("Bob", 2, "Ann", 1)
     assert (first["dnf"], last["dnf"]) == (None, "a hand (judge Ada)")
+    told = [line.strip() for line in done("score", run).splitlines()]
+    assert [line[:12] for line in told if line.startswith(("car", "removed"))] == [
+        "car 1  lap 1",
+        "car 2  lap 1",
+        "car 1  lap 2",
+        "car 1  lap 3",
+        "car 2  lap 3",
+        "car 1  lap 4",
+        "removed: car",
+    ]
+    assert told[-3:] == ["1. Bob  3.300 s", "2. Ann  3.000 s, DNF: a hand (judge Ada)", "6 laps in 392 frames"]
     assert "2 of car 1" in done("judge", "remove", run, "--lap", 2, "--dry-run", *WHY)
 
 
