@@ -113,9 +113,10 @@ def lap_line(lap: values.Lap) -> str:
 def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
     """What has happened between two boards, a line each: phases, laps and new warnings."""
     several = len(later.cars) > 1
-    lines = [_news_line(one, several=several) for one in news_since(earlier, later)]
+    lines = [_news_line(one, later if several else None) for one in news_since(earlier, later)]
     if earlier is None or earlier.phase is not later.phase:
-        lines.append("the car crosses the start line, lap 1 begins" if later.lap_number == 1 else later.state_line)
+        who = _who(later, later.shown.car) if several else "the car"
+        lines.append(f"{who} crosses the start line, lap 1 begins" if later.lap_number == 1 else later.state_line)
     if later.race is not None and (earlier is None or earlier.race != later.race) and later.race.text:
         lines.append(later.race.text)
     known = () if earlier is None or earlier.health is None else earlier.health.warnings
@@ -129,13 +130,24 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
     ]
 
 
-def _news_line(news: values.Lap | values.Incident, *, several: bool) -> str:
+def _news_line(news: values.Lap | values.Incident, among: BoardState | None) -> str:
+    """With the car that it is of, where it is one `among` several."""
     line = lap_line(news) if isinstance(news, values.Lap) else news.text
-    return f"car {news.car}  {line}" if several else line
+    return line if among is None else f"{_who(among, news.car)}  {line}"
+
+
+def _who(state: BoardState, car: int) -> str:
+    """The car's number, and its name where standings have told one."""
+    number = f"car {car}"
+    rows = () if state.standings is None else state.standings.rows
+    name = next((row.name for row in rows if row.car == car), number)
+    return number if name == number else f"{number} {name}"
 
 
 def _title(state: BoardState) -> Text:
-    title = Text(f" {state.state_line}{', car not seen' if state.unseen else ''} ", style="bold")
+    told = len(state.cars) > 1 and state.phase in {Phase.OUT_LAP, Phase.LAP}
+    leads = f"{_who(state, state.shown.car)}, " if told else ""
+    title = Text(f" {leads}{state.state_line}{', car not seen' if state.unseen else ''} ", style="bold")
     if state.health is not None and state.health.view_moved_m is not None:
         title.append("CAMERA MOVED ", style="bold red")
     return title

@@ -144,6 +144,16 @@ def test_another_cars_lap_is_told_as_such():
     assert printed_lines(one, one.after(lap(1, 1.5, 9.0, car=2)))[0].startswith("car 2  lap 1")
 
 
+def test_cars_are_called_by_their_names():
+    """Where standings have named the cars, the title says whose the large digits are, and printed lines say whose lap it is."""
+    told = standings(9.0, 1, 2)
+    rows = tuple(replace(row, name=name) for row, name in zip(told.rows, ("red", "[blue]"), strict=True))
+    one = board(crossing(1.0, status=PassStatus.START), crossing(1.5, car=2), replace(told, rows=rows))
+    assert painted(one).splitlines()[0].startswith("╭─  car 1 red, lap 1")
+    assert printed_lines(one, one.after(lap(1, 1.5, 9.0, car=2)))[0].startswith("car 2 [blue]  lap 1")
+    assert printed_lines(None, one)[-1] == "car 1 red crosses the start line, lap 1 begins"
+
+
 def test_incidents_are_printed():
     """What happened to a car is said at once, with its number where there are several."""
     one = race(1)
