@@ -41,11 +41,13 @@ Text = Annotated[str, BeforeValidator(_text)]
 def _name(value: Any) -> Any:
     if value is None or not _text(value).strip():
         raise ValueError("is blank: say who, what or which")
+    if not value.isprintable():
+        raise ValueError(f"{value!r} has characters that no board can show: write it in one line without them")
     return value
 
 
 Name = Annotated[str, BeforeValidator(_name)]
-"""Text that is not blank."""
+"""Text in one line that is not blank."""
 
 Settings = TypeVar("Settings")
 

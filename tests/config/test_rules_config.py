@@ -214,6 +214,7 @@ def test_what_config_show_prints_is_the_same_configuration(path: Path, tmp_path:
         ("cars: [{marker: 3}]\n", "line 3: cars.0.name: is missing"),
         ("cars: [{name: ''}]\n", "line 3: cars.0.name: is blank"),
         ("cars: [{name: ' '}]\n", "line 3: cars.0.name: is blank"),
+        ('cars: [{name: "A\\nB"}]\n', "line 3: cars.0.name: 'A\\nB' has characters that no board can show"),
         ("cars:\n- {name: A}\n- {name: A}\n", "line 5: cars.1.name: the same as of car 1"),
         ("cars:\n- {name: A, colour: '#00ff00'}\n- {name: B, colour: [0, 255, 0]}\n", "line 5: cars.1.colour: the same as"),
         ("detector: {kind: markers}\ncars:\n- {name: A, marker: 3}\n- {name: B, marker: 3}\n",
