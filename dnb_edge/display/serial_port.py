@@ -20,6 +20,9 @@ from dnb_edge.display.base import ClosesOnExit, DisplayStatus, Mailbox
 from dnb_edge.display.state import BoardState
 
 WRITE_TIMEOUT_S = 0.2
+PART_BYTES = 512
+"""What is given to the port at once: 0.05 s at 115200 baud. A whole repaint of many cars may take longer than a port may
+take no bytes."""
 PERIOD_S = 0.1
 """Shortest time between two tellings of the running time, seconds."""
 SIGN_OF_LIFE_S = 0.5
@@ -107,7 +110,7 @@ class SerialDisplay(ClosesOnExit):
             else:
                 told = messages.news(shown, state)
             try:
-                _write(port, b"".join(protocol.encode_line(message) for message in told), fresh=shown is None)
+                write_lines(port, b"".join(protocol.encode_line(message) for message in told), fresh=shown is None)
             except serial.SerialTimeoutException:
                 self._goes_offline(f"{self._port_path}: takes no bytes")
                 shown = None
@@ -132,13 +135,16 @@ def _reason(fault: Exception) -> str:
     return os.strerror(number) if isinstance(number, int) else str(fault)
 
 
-def _write(port: serial.Serial, lines: bytes, *, fresh: bool) -> None:
-    # pyserial spins on a full buffer until its timeout; waiting here first leaves the processor to the race.
-    _, ready, _ = select.select([], [port.fileno()], [], WRITE_TIMEOUT_S)
-    if not ready:
-        raise serial.SerialTimeoutException
+def write_lines(port: serial.Serial, lines: bytes, *, fresh: bool) -> None:
+    """Gives `lines` to the port. Raises `serial.SerialTimeoutException` where it takes none for `WRITE_TIMEOUT_S`."""
     # The blank line ends whatever torn line went before, and belongs to no message.
-    port.write(b"\r\n" + lines if fresh else lines)
+    told = b"\r\n" + lines if fresh else lines
+    for start in range(0, len(told), PART_BYTES):
+        # pyserial spins on a full buffer until its timeout; waiting here first leaves the processor to the race.
+        _, ready, _ = select.select([], [port.fileno()], [], WRITE_TIMEOUT_S)
+        if not ready:
+            raise serial.SerialTimeoutException
+        port.write(told[start : start + PART_BYTES])
 
 
 def _let_go(port: serial.Serial) -> None:

@@ -1,11 +1,15 @@
 """The serial display over real pseudo-terminals: pulled cables, stuck displays, late displays."""
 
+import os
+
 import pytest
+import serial
 from display_events import crossing, health, lap, race
 from pty_line import Firmware, PtyLine, wait_until
 
 from dnb_edge.display.base import DisplayStatus
-from dnb_edge.display.serial_port import SerialDisplay
+from dnb_edge.display.protocol import BAUD
+from dnb_edge.display.serial_port import WRITE_TIMEOUT_S, SerialDisplay, write_lines
 from dnb_edge.display.uri import open_display
 from dnb_edge.errors import InputError
 
@@ -174,3 +178,35 @@ def test_open_display_refuses(uri):
     """Anything but the known schemes is one clear line that names what was given and what to write."""
     with pytest.raises(InputError, match="serial:/dev/ttyUSB0"):
         open_display(uri)
+
+
+class FullPort:
+    """A port whose buffer is full and drains at 115200 baud: a pseudo-terminal takes everything at once. Times are its own."""
+
+    def __init__(self):
+        self.taken = b""
+        self._read_end, self._write_end = os.pipe()
+
+    def fileno(self):
+        """Something that can always be written to."""
+        return self._write_end
+
+    def write(self, data):
+        """As pyserial's: all of it within the time-out, or none of it is known to have gone."""
+        if len(data) * 10 / BAUD > WRITE_TIMEOUT_S:
+            raise serial.SerialTimeoutException
+        self.taken += data
+
+    def close(self):
+        """Both ends."""
+        os.close(self._read_end)
+        os.close(self._write_end)
+
+
+def test_a_long_repaint_goes_out_though_it_takes_longer_than_a_port_may_be_stuck():
+    """Eight cars and eight laps with all their reasons are 0.3 s of line: a port that takes bytes meanwhile is not stuck."""
+    port = FullPort()
+    lines = bytes(range(256)) * 15
+    write_lines(port, lines, fresh=True)
+    assert port.taken == b"\r\n" + lines
+    port.close()
