@@ -85,7 +85,7 @@ def test_several_cars_come_out_alike_whatever_was_drawn_before(three):
 
 
 def test_the_nearer_car_hides_the_farther():
-    """Where two cars overlap in the picture, the one nearer to the camera is whole."""
+    """Where two cars overlap in the picture, the one nearer to the camera is whole, and the rest of the other stays."""
     rig = Rig(seed=1, laps=1, cars=2)
     near = rig.drive.pose(2.0)
     x, y = near.track_m
@@ -96,6 +96,11 @@ def test_the_nearer_car_hides_the_farther():
     alone, both = rig._renderer.picture(0, near, away), rig._renderer.picture(0, near, far)
     assert np.array_equal(alone[box], both[box])
     assert not np.array_equal(alone[v - 60 : v, u - 40 : u + 40], both[v - 60 : v, u - 40 : u + 40])
+    beside = type(near)(track_m=(x, y + 0.17), heading_rad=near.heading_rad, speed_mps=0.0)
+    u, v = np.rint(rig.camera.project(np.array([[x, y + 0.17, 0.1]]))[0]).astype(int)
+    roof = np.s_[v - 5 : v + 6, u - 5 : u + 6]
+    seen = [rig._renderer.picture(0, one, beside)[roof].astype(int) for one in (near, away)]
+    assert np.abs(seen[0] - seen[1]).max() <= 1
 
 
 def test_one_car_is_drawn_as_ever(rig):
