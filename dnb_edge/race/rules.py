@@ -256,6 +256,11 @@ def check_together(laps: LapRules, start: StartRules, ending: FormatRules, penal
         raise ValueError("format.rank_by: driving_score is a share of the wanted laps: set race.laps")
     if ranking is Ranking.SURVIVAL and not any(penalties.of(kind).dnf for kind in IncidentKind):
         raise ValueError("format.rank_by: survival needs something to survive: set dnf: true for a kind in penalties")
+    if ranking is Ranking.SURVIVAL and wanted is not None:
+        raise ValueError(
+            "race.laps: the slowest would be longest at them and win by survival: leave it out, and set format.time_limit_s "
+            "or another format.rank_by"
+        )
     if wanted is not None and ending.warm_up_laps >= wanted:
         raise ValueError(
             f"format.warm_up_laps: {ending.warm_up_laps} leaves none of race.laps, {wanted}, to be ranked: set fewer"

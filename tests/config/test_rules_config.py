@@ -187,6 +187,7 @@ def test_what_config_show_prints_is_the_same_configuration(path: Path, tmp_path:
         ("format: {rank_by: most_laps}\n", "line 3: format.rank_by: most_laps needs an end to the race"),
         ("format: {rank_by: driving_score}\n", "line 3: format.rank_by: driving_score is a share of the wanted laps"),
         ("format: {rank_by: survival}\n", "line 3: format.rank_by: survival needs something to survive"),
+        ("rules: aido\nrace: {laps: 2}\n", "line 4: race.laps: the slowest would be longest at them and win by survival"),
         ("race: {laps: 2}\nformat: {rank_by: best_consecutive}\n", "line 4: format.best_of: only 2 laps are ranked"),
         ("race: {laps: 3}\nformat:\n  warm_up_laps: 1\n  rank_by: best_average\n", "format.best_of: only 2 laps are ranked"),
         ("race: {laps: 3}\nformat: {warm_up_laps: 3}\n", "line 4: format.warm_up_laps: 3 leaves none of race.laps, 3"),
