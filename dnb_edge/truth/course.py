@@ -36,8 +36,11 @@ class Course:
 
 
 @lru_cache(maxsize=16)
-def course(name: str, stamp_sigma_s: float = 0.0) -> Course:
-    """The course at the place of that name, whose source stamps frames with that sigma. Takes about a second, once."""
+def course(name: str, stamp_sigma_s: float = 0.0, *, lasting_share: float | None = None) -> Course:
+    """The course at the place of that name, whose source stamps frames with that sigma. Takes about a second, once.
+
+    `lasting_share` is `crossing.lasting_share`; None is the appliance's own, which is right for its detector.
+    """
     here = place(name)
     camera = here.camera
     info = SourceInfo(
@@ -51,12 +54,14 @@ def course(name: str, stamp_sigma_s: float = 0.0) -> Course:
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
         files = course_files(folder, here.circuit, camera)
-        config = check_config(_plain(here, files, stamp_sigma_s), base=folder, origin=f"the simulated place {name}")
+        config = check_config(
+            _plain(here, files, stamp_sigma_s, lasting_share), base=folder, origin=f"the simulated place {name}"
+        )
         setup = assemble(config, info).setup
     return Course(place=here, config=config, setup=setup)
 
 
-def _plain(here: Place, files: DemoFiles, stamp_sigma_s: float) -> dict[str, Any]:
+def _plain(here: Place, files: DemoFiles, stamp_sigma_s: float, lasting_share: float | None) -> dict[str, Any]:
     return {
         "name": "simulated car",
         "track": {
@@ -72,6 +77,7 @@ def _plain(here: Place, files: DemoFiles, stamp_sigma_s: float) -> dict[str, Any
             "image_size_px": list(files.keypoints_image_size_px),
             "max_mean_error_m": 0.02,
         },
-        "crossing": {"stamp_sigma_s": stamp_sigma_s},
+        "crossing": {"stamp_sigma_s": stamp_sigma_s}
+        | ({} if lasting_share is None else {"lasting_share": lasting_share}),
         "score": {"metric": "dtw", "clamp_m": 0.5, "baseline_m": 0.5},
     }

@@ -45,7 +45,8 @@ PATH_STEP_S = 0.005
 def watch(scenario: Scenario, *, laps: int, seed: int, number: int) -> Watched:
     """Drive `number` of `scenario`, of so many laps, watched from its first frame to its last."""
     drive_seed, noise_seed = scenario.drive_seed(seed, number), scenario.noise_seed(seed, number)
-    here = course(scenario.place, scenario.sightings.stamp_sigma_s)
+    # Drawn errors have no part that lasts, unless the model says so: then nobody told the appliance.
+    here = course(scenario.place, scenario.sightings.stamp_sigma_s, lasting_share=None if scenario.rendered else 0.0)
     style = scenario.styles[number % len(scenario.styles)]
     circuit, camera = here.place.circuit, here.place.camera
     driven = drive(circuit, laps=laps, seed=drive_seed, style=style)

@@ -175,7 +175,9 @@ def test_stamps_on_arrival_are_worth_less() -> None:
 
 def test_what_no_frame_averages_out_is_added() -> None:
     """A common error of stamps, and one of the detector that lasts, stand beside the fit's sigma."""
-    plain = passed()
+    plain, white = passed(), passed(settings=CrossingSettings(lasting_share=0.0))
+    assert white.speed_mps is not None
+    assert plain.sigma_s == pytest.approx(math.hypot(white.sigma_s, 0.07 * 0.004 / white.speed_mps))
     common = passed(settings=CrossingSettings(stamp_sigma_s=0.003))
     lasting = passed(2.0, settings=CrossingSettings(lasting_sigma_m=0.006))
     assert common.sigma_s == pytest.approx(math.hypot(plain.sigma_s, 0.003))
