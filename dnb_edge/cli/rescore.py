@@ -26,7 +26,7 @@ from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, check_together
+from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, Ranking, StartRules, check_together
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.values import Points
 
@@ -102,7 +102,9 @@ def _under(rules: RuleSet, data: Mapping[str, dict[str, Any]], start_mode: Any) 
     """The five sections of rules as `rules` has them. What it does not say of scoring stays, since that goes by the track."""
     given = with_rules({}, rules, start_mode=start_mode)
     sections = {name: wire.to_dict(_PARTS[name][1]()) | given[name] for name in SECTIONS if name != "score"}
-    kept = {key: data["race"][key] for key in _KEPT if key not in given["race"]}
+    # A race for survival has no wanted laps: see `check_together`.
+    over = ("laps",) if given["format"].get("rank_by") == Ranking.SURVIVAL.value else ()
+    kept = {key: data["race"][key] for key in _KEPT if key not in given["race"] and key not in over}
     return sections | {"race": sections["race"] | kept, "score": data["score"] | given["score"]}
 
 

@@ -12,8 +12,10 @@ from typer.testing import CliRunner, Result
 
 from dnb_edge.cli.main import app
 from dnb_edge.cli.replayed import replay
+from dnb_edge.config.rules import PRESETS
 from dnb_edge.config.track_file import track_file
 from dnb_edge.errors import InputError
+from dnb_edge.race.rules import LapRules
 from dnb_edge.track.layout import laid_out
 from dnb_edge.track.line import line_across
 from dnb_edge.track.scale import TwinScale
@@ -148,6 +150,15 @@ def test_a_rule_set_leaves_what_belongs_to_the_run(tmp_path: Path) -> None:
     changes = events(run, "--rules", "deepracer")[0]["changes"]
     assert changes["race.max_lap_s"] == {"was": 9.0, "is": None}
     assert not {"race.laps", "race.car_length_m", "score.baseline_m"} & set(changes)
+
+
+def test_every_rule_set_fits_a_run_that_was_to_have_so_many_laps(tmp_path: Path) -> None:
+    """Also that for survival, which has no wanted laps: those of the run are left out."""
+    run = record(tmp_path, "5.mcap", CAR, made=setup(laps=LapRules(laps=5)))
+    for name in PRESETS:
+        told = events(run, "--rules", name)[0]
+        assert told["rules"] == name
+        assert ("race.laps" in told["changes"]) == (name in ("laps", "carla", "aido")), name
 
 
 def test_another_scoring_changes_the_scores_alone(run: Path) -> None:
