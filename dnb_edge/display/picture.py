@@ -145,7 +145,8 @@ def _who(state: BoardState, car: int) -> str:
 
 
 def _title(state: BoardState) -> Text:
-    told = len(state.cars) > 1 and state.phase in {Phase.OUT_LAP, Phase.LAP}
+    on = any(car.phase is not Phase.FINISHED for car in state.cars)
+    told = len(state.cars) > 1 and state.phase is not Phase.WAITING and on
     leads = f"{_who(state, state.shown.car)}, " if told else ""
     title = Text(f" {leads}{state.state_line}{', car not seen' if state.unseen else ''} ", style="bold")
     if state.health is not None and state.health.view_moved_m is not None:

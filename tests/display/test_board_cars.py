@@ -154,6 +154,13 @@ def test_cars_are_called_by_their_names():
     assert printed_lines(None, one)[-1] == "car 1 red crosses the start line, lap 1 begins"
 
 
+def test_a_race_is_not_called_finished_while_a_car_drives():
+    """The leader's end is told as the leader's; the race is finished when all cars are."""
+    first = board(crossing(1.0, status=PassStatus.START), crossing(1.5, car=2), laps_wanted=1).after(lap(1, 1.0, 9.0))
+    assert painted(first).splitlines()[0].startswith("╭─  car 1, finished")
+    assert painted(first.after(lap(1, 1.5, 9.0, car=2))).splitlines()[0].startswith("╭─  finished")
+
+
 def test_incidents_are_printed():
     """What happened to a car is said at once, with its number where there are several."""
     one = race(1)
