@@ -160,6 +160,8 @@ class _Sheet:
         self.moved: list[Told] = []
         self._raw = laps
         self._crossings = sorted(crossings, key=lambda crossing: crossing.t_ns)
+        # Every lap has all sectors, those without a time among them.
+        self._sector_ends = [sector.line for lap in laps[:1] for sector in lap.sectors]
         added = [edit.added.key.number for edit in edits if edit.added is not None]
         self._highest = max([*(lap.number for lap in laps), *added], default=0)
 
@@ -178,7 +180,8 @@ class _Sheet:
         others = (*self._raw, *(one.lap for one in (*self.laps, *self.removed)))
         if any((lap.car, lap.number) == (key.car, number) for lap in others):
             number = self._highest + edit.number
-        self._insert(MarshalledLap(lap=added_lap(edit.added, number, self._crossings), raw=(), edits=(edit,)))
+        lap = added_lap(edit.added, number, self._crossings, self._sector_ends)
+        self._insert(MarshalledLap(lap=lap, raw=(), edits=(edit,)))
         return None
 
     def remove(self, edit: Edit) -> str | None:
@@ -197,7 +200,7 @@ class _Sheet:
             return first
         if isinstance(second, str):
             return second
-        if first.lap.end_t_ns != second.lap.start_t_ns:
+        if (first.lap.car, first.lap.end_t_ns) != (second.lap.car, second.lap.start_t_ns):
             return f"{_name(second.lap)} does not begin where lap {first.lap.number} ends"
         self.laps.remove(first)
         self.laps.remove(second)

@@ -14,8 +14,11 @@ from dnb_edge.race.edit import AddedLap
 from dnb_edge.values import Crossing, Direction, Lap, Penalty, SectorTime
 
 
-def added_lap(added: AddedLap, number: int, crossings: Sequence[Crossing]) -> Lap:
-    """The lap that a judge adds, as lap `number` of its car: driven by whichever target crossed a line nearest to its end."""
+def added_lap(added: AddedLap, number: int, crossings: Sequence[Crossing], lines: Sequence[str] = ()) -> Lap:
+    """The lap that a judge adds, as lap `number` of its car: driven by whichever target crossed a line nearest to its end.
+
+    `lines` are those at which sectors end, the last of them where laps do; `crossings` are in the order of time.
+    """
     key = added.key
     time_s = (key.end_t_ns - key.start_t_ns) * 1e-9
     driver = min(
@@ -23,7 +26,8 @@ def added_lap(added: AddedLap, number: int, crossings: Sequence[Crossing]) -> La
         key=lambda crossing: abs(crossing.t_ns - key.end_t_ns),
         default=None,
     )
-    return Lap(
+    ends = _at(crossings, key.start_t_ns, key.car), _at(crossings, key.end_t_ns, key.car)
+    lap = Lap(
         number=number,
         start_t_ns=key.start_t_ns,
         end_t_ns=key.end_t_ns,
@@ -37,7 +41,9 @@ def added_lap(added: AddedLap, number: int, crossings: Sequence[Crossing]) -> La
         target_id=None if driver is None else driver.target_id,
         car=key.car,
         official_time_s=time_s,
+        estimated=any(one is not None and one.estimated for one in ends),
     )
+    return replace(lap, sectors=_sectors(lap, lines, crossings))
 
 
 def merged_lap(first: Lap, second: Lap, crossings: Sequence[Crossing]) -> Lap:
@@ -60,9 +66,9 @@ def merged_lap(first: Lap, second: Lap, crossings: Sequence[Crossing]) -> Lap:
         observed_fraction=(first.observed_fraction * first.time_s + second.observed_fraction * second.time_s) / time_s,
         target_id=second.target_id,
         suspect=tuple(dict.fromkeys((*first.suspect, *second.suspect))),
-        sectors=_sectors(first, second, crossings),
         estimated=estimated,
     )
+    merged = replace(merged, sectors=_sectors(merged, [sector.line for sector in first.sectors], crossings))
     return priced(merged, (*first.penalties, *second.penalties), reasons)
 
 
@@ -70,33 +76,30 @@ def _at(crossings: Sequence[Crossing], t_ns: int, car: int) -> Crossing | None:
     return next((one for one in crossings if (one.t_ns, one.car) == (t_ns, car)), None)
 
 
-def _sectors(first: Lap, second: Lap, crossings: Sequence[Crossing]) -> tuple[SectorTime, ...]:
-    """The merged lap's sectors: each line's first forward crossing after the line before it."""
-    lines = [sector.line for sector in first.sectors[:-1]]
-    before = _at(crossings, first.start_t_ns, first.car)
+def _sectors(lap: Lap, lines: Sequence[str], crossings: Sequence[Crossing]) -> tuple[SectorTime, ...]:
+    """The lap's sectors, which end at `lines`, the last where the lap does: each line's first forward crossing in it, where
+    that comes after the line before it; otherwise no time."""
+    before = _at(crossings, lap.start_t_ns, lap.car)
     sectors = []
-    for number, sector in enumerate(first.sectors, start=1):
-        after = (
-            _at(crossings, second.end_t_ns, first.car)
-            if number > len(lines)
-            else _next(crossings, sector.line, first, second)
-        )
+    for number, line in enumerate(lines, start=1):
+        is_last = number == len(lines)
+        after = _at(crossings, lap.end_t_ns, lap.car) if is_last else _first(crossings, line, lap)
         time_s = sigma_s = None
         if before is not None and after is not None and before.t_ns < after.t_ns:
             time_s = (after.t_ns - before.t_ns) * 1e-9
             sigma_s = lap_sigma_s(before, after)
-        sectors.append(SectorTime(number=number, line=sector.line, time_s=time_s, sigma_s=sigma_s))
+        sectors.append(SectorTime(number=number, line=line, time_s=time_s, sigma_s=sigma_s))
         before = after
     return tuple(sectors)
 
 
-def _next(crossings: Sequence[Crossing], line: str, first: Lap, second: Lap) -> Crossing | None:
+def _first(crossings: Sequence[Crossing], line: str, lap: Lap) -> Crossing | None:
     return next(
         (
             one
             for one in crossings
-            if (one.line, one.car, one.direction) == (line, first.car, Direction.FORWARD)
-            and first.start_t_ns < one.t_ns < second.end_t_ns
+            if (one.line, one.car, one.direction) == (line, lap.car, Direction.FORWARD)
+            and lap.start_t_ns < one.t_ns < lap.end_t_ns
         ),
         None,
     )

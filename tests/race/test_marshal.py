@@ -110,6 +110,14 @@ def test_merged_laps_are_one_from_the_first_start_to_the_second_end():
     assert (one.lap.valid, one.lap.penalties, one.lap.official_time_s) == (False, (OFF, SLOW), 13.0)
 
 
+def test_laps_of_two_cars_are_never_one():
+    """Though one begins in the very instant in which the other ends."""
+    laps = (lap(1, 0, 1), lap(1, 1, 2, car=2), lap(2, 1, 3))
+    after = apply(laps, [edit(1, Action.MERGE, laps[0], laps[1])])
+    assert set(after.kept) == set(laps)
+    assert [told.text for told in after.without_effect] == ["lap 1 of car 2 does not begin where lap 1 ends"]
+
+
 def test_without_the_crossings_a_merged_lap_has_the_sigma_of_both():
     """In recordings that lack them: never less than it can be."""
     after = apply(LAPS, [edit(1, Action.MERGE, LAPS[2], LAPS[3])])
@@ -194,6 +202,17 @@ def test_an_added_lap_stands_at_its_time_with_a_new_number():
     assert [one.number for one in after.kept] == [1, 5, 4]
     one = after.laps[1]
     assert (one.raw, one.lap.time_s, one.lap.sigma_s, one.lap.valid, one.lap.target_id) == ((), 10.0, 0.05, True, 10)
+
+
+def test_an_added_lap_has_the_sectors_of_the_lines_crossed_in_it():
+    """Between crossings, as any lap; an end that a judge gave in seconds leaves its sector without a time."""
+    ends = [SectorTime(number=n, line=line, time_s=None, sigma_s=None) for n, line in ((1, "half"), (2, "start"))]
+    laps = (replace(LAPS[0], sectors=tuple(ends)),)
+    passes = [crossing(11), crossing(14, "half"), replace(crossing(21), estimated=True)]
+    whole, by_hand = (apply(laps, [add(1, 11.0, end_s)], passes).kept[1] for end_s in (21.0, 20.5))
+    assert [(one.number, one.line, one.time_s) for one in whole.sectors] == [(1, "half", 3.0), (2, "start", 7.0)]
+    assert [one.time_s for one in by_hand.sectors] == [3.0, None]
+    assert (whole.estimated, by_hand.estimated) == (True, False)
 
 
 def test_an_added_lap_gives_way_to_a_lap_of_the_same_number():
