@@ -39,6 +39,9 @@ DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be, and
 HAND_SIGMA_S = 0.05
 """One standard deviation of an instant that a judge gives in seconds: a frame or two of a clip that is stepped through."""
 
+MOST_SECONDS = 86_400.0
+"""A penalty of more seconds than a day has is a slip of the finger."""
+
 
 @app.command("list")
 def list_edits(
@@ -124,8 +127,8 @@ def penalty(
 
     dnb-edge judge penalty RUN --lap 3 --seconds 5 --because "touched car 2"
     """
-    if not (math.isfinite(seconds) and seconds >= 0):
-        raise InputError(f"--seconds {seconds:g}: must not be negative")
+    if not 0 <= seconds <= MOST_SECONDS:
+        raise InputError(f"--seconds {seconds:g}: must lie between 0 and {MOST_SECONDS:g}")
     if not 0 <= factor <= 1:
         raise InputError(f"--factor {factor:g}: must lie between 0 and 1")
     if not (seconds or factor < 1 or invalid or dnf):

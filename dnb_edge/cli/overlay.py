@@ -99,10 +99,12 @@ def _results(results: Sequence[CarResult], marshalled: Marshalled) -> Iterator[C
     """Each car's result with the laps that count now, until a judge ended its race."""
     laps = in_sequence(marshalled)
     ended = {one.car: one for one in marshalled.ended}
+    forgiven = {(one.lap.car, reason) for one in marshalled.laps for reason in _ends_forgiven(one)}
     for result in results:
         mine, end = laps.get(result.car, ()), ended.get(result.car)
         if end is None:
-            yield replace(result, laps=mine)
+            dnf = None if (result.car, result.dnf) in forgiven else result.dnf
+            yield replace(result, laps=mine, dnf=dnf)
             continue
         begun_ns = end.t_ns if result.start_t_ns is None else result.start_t_ns
         yield replace(
@@ -113,6 +115,12 @@ def _results(results: Sequence[CarResult], marshalled: Marshalled) -> Iterator[C
             penalties=(),
             dnf=end.reason,
         )
+
+
+def _ends_forgiven(one: MarshalledLap) -> list[str]:
+    """Why the rules ended the car's race in this lap, as far as a judge has forgiven it."""
+    given = [penalty for lap in one.raw for penalty in lap.penalties if penalty.dnf]
+    return [penalty.reason for penalty in given if penalty not in one.lap.penalties]
 
 
 def _with_score(lap: Lap, scores: dict[tuple[int, int], Score]) -> Iterator[Event]:

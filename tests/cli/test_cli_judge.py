@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from edge_command import Race, edge
-from table_runs import Car, record, setup
+from table_runs import Car, circle, on_circle, record, setup
 from typer.testing import CliRunner, Result
 
 from dnb_edge.cli.main import app
@@ -19,9 +19,10 @@ from dnb_edge.cli.replayed import replay
 from dnb_edge.cli.results import make_report
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
-from dnb_edge.race.rules import CarSetup, LapRules
+from dnb_edge.race.rules import CarSetup, Effect, LapRules, PenaltyRules
 from dnb_edge.record.edits import edits_path
 from dnb_edge.report.race import race_sections
+from dnb_edge.track.line import DirectedLine
 
 CAR = Car((3.0, 3.1, 2.9, 3.2))
 WHY = ("--because", "a hand", "--by", "Ada")
@@ -169,8 +170,9 @@ REFUSED = [
     ("no such car", ("remove", "--lap", 1, "--car", 2), "there is no lap 1: car 2 has no laps"),
     ("last lap merged", ("merge", "--lap", 4), "there is no lap after lap 4"),
     ("free penalty", ("penalty", "--lap", 1), "a penalty must cost something"),
-    ("negative", ("penalty", "--lap", 1, "--seconds", "-1"), "--seconds -1: must not be negative"),
-    ("endless", ("penalty", "--lap", 1, "--seconds", "nan"), "--seconds nan: must not be negative"),
+    ("negative", ("penalty", "--lap", 1, "--seconds", "-1"), "--seconds -1: must lie between 0 and 86400"),
+    ("endless", ("penalty", "--lap", 1, "--seconds", "nan"), "--seconds nan: must lie between"),
+    ("a slip", ("penalty", "--lap", 1, "--seconds", "1e308"), "--seconds 1e+308: must lie between"),
     ("factor", ("penalty", "--lap", 1, "--factor", "1.5"), "--factor 1.5: must lie between 0 and 1"),
     ("nothing to forgive", ("forgive", "--lap", 1), "lap 1 has no penalty of the rules, and is valid"),
     ("no edit", ("undo", "--edit", 3), "undo edit 3: there is no such edit, there is none"),
@@ -260,6 +262,21 @@ def test_what_the_rules_gave_is_forgiven(tmp_path: Path) -> None:
     laps = scored(run)
     assert [(lap["valid"], lap["reasons"]) for lap in laps] == [(True, [])] * 4
     assert [lap["raw"][0]["valid"] for lap in laps if lap.get("edited_by")] == [False, False]
+
+
+def test_the_end_of_a_race_is_forgiven_with_its_offence(tmp_path: Path) -> None:
+    """The rules ended it with lap 1, whose sector line was missed: forgiven, the car is in the standings like any other."""
+    line = DirectedLine(name="half", start_m=on_circle(2.0, 1.03), end_m=on_circle(2.0, 0.97))
+    track = replace(circle(), sector_lines=(line,))
+    prices = PenaltyRules(missed_line=Effect(dnf=True))
+    run = record(tmp_path, "end.mcap", Car((3.0, 3.1), off_m=0.1), made=setup(track=track, penalties=prices))
+    (row,) = scored(run, kind="standings")[-1]["rows"]
+    assert (row["laps"], "half" in row["dnf"]) == (1, True)
+    done("judge", "forgive", run, "--lap", 1, "--offence", "missed_line", *WHY)
+    (row,) = scored(run, kind="standings")[-1]["rows"]
+    assert (row["laps"], row["dnf"]) == (1, None)
+    done("judge", "undo", run, "--edit", 1, *WHY)
+    assert scored(run, kind="standings")[-1]["rows"][0]["dnf"] is not None
 
 
 def test_several_cars_are_judged_each_by_itself(tmp_path: Path) -> None:
