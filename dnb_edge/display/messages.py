@@ -44,12 +44,13 @@ def news(earlier: BoardState, later: BoardState) -> list[protocol.Message]:
     Where another car comes to the front, everything: the lines are about that car from then on. So where something stands no
     more, such as what was awaited: no message takes a line back, and a repaint begins by forgetting all.
     """
+    told: list[protocol.Message] = []
+    known_s = next((car.crossed_s for car in earlier.cars if car.car == later.shown.car), None)
+    if later.crossed_s is not None and later.crossed_s != known_s:
+        told.append(protocol.Cross(t_s=later.crossed_s))
     is_another = later.shown.car != earlier.shown.car or _car(later) != _car(earlier)
     if is_another or any(part(earlier) and not part(later) for part in (_best, _count, _places)):
-        return repaint(later)
-    told: list[protocol.Message] = []
-    if later.crossed_s is not None and later.crossed_s != earlier.crossed_s:
-        told.append(protocol.Cross(t_s=later.crossed_s))
+        return [*repaint(later), *told, run_message(later)] if told else repaint(later)
     for lap in laps_since(earlier, later):
         told += lap_messages(lap) if lap.car == later.shown.car else [_other_lap(lap)]
     for part in (_best, _state, _count, _places, _live):

@@ -118,6 +118,17 @@ def test_the_standings_are_painted_and_sent():
     assert "+0.100" in text
 
 
+def test_who_takes_the_lead_on_the_line_flashes():
+    """Another leader's repaint is followed by its crossing where that is news; one that the display knows is not told again."""
+    one = board(crossing(1.0), crossing(1.5, car=2), standings(9.0, 1, 2))
+    ahead = one.after(crossing(10.5, car=2)).after(lap(1, 1.5, 9.0, car=2)).after(standings(10.6, 2, 1))
+    told = bodies(messages.news(one, ahead))
+    assert told[:-2] == bodies(messages.repaint(ahead))
+    assert told[-2:] == ["CROSS 10.500", told[-3]]
+    by_penalty = one.after(standings(10.6, 2, 1))
+    assert bodies(messages.news(one, by_penalty)) == bodies(messages.repaint(by_penalty))
+
+
 def test_a_car_with_fewer_laps_is_laps_behind():
     """On the board in laps; on the wire, which tells gaps in seconds, as none."""
     told = standings(9.0, 1, 2, 3)
