@@ -14,46 +14,16 @@ from typing import Annotated
 import typer
 
 from dnb_edge import __version__
-from dnb_edge.cli import (
-    bench,
-    calibrate,
-    config,
-    demo,
-    judge,
-    model,
-    mount,
-    results,
-    run,
-    runs,
-    score,
-    table,
-    teach,
-    track,
-    truth,
-)
+from dnb_edge.cli.verbs import Verbs
 from dnb_edge.errors import DnbEdgeError, InputError
 
 app = typer.Typer(
+    cls=Verbs,
     help="Times and scores small self-driving cars from one overhead camera. Start with `dnb-edge demo`.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-app.command("demo")(demo.demo)
-app.command("run")(run.run)
-app.command("score")(score.score)
-app.command("table")(table.table)
-app.command("report")(results.report)
-app.command("bench")(bench.bench)
-app.command("teach")(teach.teach)
-app.command("truth")(truth.truth)
-app.add_typer(track.app, name="track")
-app.add_typer(calibrate.app, name="calibrate")
-app.add_typer(runs.app, name="runs")
-app.add_typer(judge.app, name="judge")
-app.add_typer(config.app, name="config")
-app.add_typer(model.app, name="model")
-app.add_typer(mount.app, name="mount")
 
 
 def _version(wanted: bool) -> None:
