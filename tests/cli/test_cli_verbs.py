@@ -16,8 +16,8 @@ from dnb_edge.cli.main import app
 def verbs(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """The words of every command and every group of commands."""
     yield path
-    for name, inner in getattr(command, "commands", {}).items():
-        yield from verbs(inner, (*path, name))
+    for name in command.list_commands(None) if hasattr(command, "list_commands") else ():
+        yield from verbs(command.get_command(None, name), (*path, name))
 
 
 VERBS = list(verbs(get_command(app)))
