@@ -43,7 +43,7 @@ def test_help_explains_verb_and_options(words: tuple[str, ...]) -> None:
     assert re.search(r"^ +[A-Z].*\.\s*$", helped.stdout, re.MULTILINE)
     command = get_command(app)
     for word in words:
-        command = command.commands[word]
+        command = command.get_command(None, word)
     assert [option.name for option in command.params if not getattr(option, "help", None)] == []
 
 
