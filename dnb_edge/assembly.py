@@ -22,8 +22,9 @@ from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import FrameSource, open_source
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
+from dnb_edge.config.paths import names_a_file
 from dnb_edge.config.rules import load_rule_set
-from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig, names_a_file
+from dnb_edge.config.schema import Config, DetectorConfig, MarkersConfig, TrackConfig, ViewConfig
 from dnb_edge.config.sections import to_settings
 from dnb_edge.config.track_file import load_track
 from dnb_edge.core import CoreSetup

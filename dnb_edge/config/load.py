@@ -13,8 +13,9 @@ import yaml
 from pydantic import ValidationError
 
 from dnb_edge.config.faults import explain
+from dnb_edge.config.paths import CommandLineText
 from dnb_edge.config.rules import NoSuchRules, RuleSet, load_rule_set, with_rules
-from dnb_edge.config.schema import DEFAULT_RULES, CommandLineText, Config
+from dnb_edge.config.schema import DEFAULT_RULES, Config
 from dnb_edge.config.text import ConfigLoader, KeyPath, parse_lines
 from dnb_edge.errors import InputError
 

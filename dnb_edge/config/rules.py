@@ -17,7 +17,8 @@ from pydantic import BaseModel, ValidationError
 
 from dnb_edge import wire
 from dnb_edge.config.faults import explain
-from dnb_edge.config.schema import Format, Laps, Penalties, Scoring, Start, names_a_file
+from dnb_edge.config.paths import names_a_file
+from dnb_edge.config.schema import Format, Laps, Penalties, Scoring, Start
 from dnb_edge.config.sections import STRICT, Name, Whole
 from dnb_edge.config.text import KeyPath, parse_lines
 from dnb_edge.errors import InputError

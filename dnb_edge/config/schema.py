@@ -6,12 +6,13 @@ when the rooms are built from them.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_validator
 
 from dnb_edge.config.cars import CarConfig, told_apart
+from dnb_edge.config.devices import CaptureConfig, DisplayConfig, RecordConfig
+from dnb_edge.config.paths import ConfigPath, DataPath, resolve_rules
 from dnb_edge.config.sections import STRICT, Name, Number, Text, Whole, section, to_settings
 from dnb_edge.motion.settings import MOST_CARS, MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
@@ -19,47 +20,6 @@ from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules,
 from dnb_edge.score.similarity import ScoreSettings
 from dnb_edge.track.lane_shade import LaneShade
 from dnb_edge.values import EntryInfo
-
-
-class CommandLineText(str):
-    """Text given with `--set`: a relative path in it is relative to the working directory, not to the config file."""
-
-    __slots__ = ()
-
-
-def _resolve(value: Any, info: ValidationInfo) -> Any:
-    if not isinstance(value, str | Path):
-        raise ValueError(f"must be a path, not {value!r}")  # noqa: TRY004 pydantic reports ValueErrors
-    path = Path(value).expanduser()
-    if path.is_absolute():
-        return path
-    base = Path.cwd() if isinstance(value, CommandLineText) else (info.context or {}).get("base", Path.cwd())
-    return base / path
-
-
-def _resolve_data(value: Any, info: ValidationInfo) -> Any:
-    """As `_resolve`, within `data_dir` where one is given."""
-    context = dict(info.context or {})
-    data_dir = context.get("data_dir")
-    if data_dir is not None and not isinstance(value, CommandLineText) and isinstance(value, str | Path):
-        return value if Path(value).is_absolute() else data_dir / value
-    return _resolve(value, info)
-
-
-def names_a_file(rules: str) -> bool:
-    """Whether a rule set is told by its file's path, not by its name."""
-    return "/" in rules or rules.endswith((".yaml", ".yml"))
-
-
-def _resolve_rules(value: Any, info: ValidationInfo) -> Any:
-    return str(_resolve(value, info)) if isinstance(value, str) and names_a_file(value) else value
-
-
-ConfigPath = Annotated[Path, BeforeValidator(_resolve)]
-"""A path; relative ones are relative to the config file."""
-
-DataPath = Annotated[Path, BeforeValidator(_resolve_data)]
-"""A path to input data; relative ones are relative to `data_dir` if that is given, else to the config file."""
 
 Positive = Annotated[Number, Field(gt=0)]
 Pixel = tuple[Number, Number]
@@ -256,38 +216,6 @@ class EntryConfig(_Section):
     """Anything else worth knowing; goes into the recording."""
 
 
-class CaptureConfig(_Section):
-    """Where frames come from."""
-
-    source: str | None = None
-    """v4l2:/dev/video0, file:clip.mp4, mcap:run.mcap or sim:; the command line's --source wins."""
-    width_px: Annotated[Whole, Field(ge=16)] = 1280
-    """Width asked of a camera, px."""
-    height_px: Annotated[Whole, Field(ge=16)] = 720
-    """Height asked of a camera, px."""
-    fps: Positive = 30.0
-    """Rate asked of a camera, frames per second."""
-    row_us: Annotated[Number, Field(ge=0)] = 0.0
-    """Time from one row of the picture to the next of a rolling shutter, microseconds; 0 where it is not known or all rows are
-    seen at once. A webcam that takes most of 1/30 s to read its 720 rows needs about 40."""
-
-
-class RecordConfig(_Section):
-    """The recording of the run."""
-
-    directory: ConfigPath | None = None
-    """Where recordings go; none for no recording. The command line's --record wins."""
-    image_fps: Annotated[Number, Field(ge=0)] = 5.0
-    """Pictures per second that are kept; 0 for none."""
-
-
-class DisplayConfig(_Section):
-    """What shows the race besides the terminal."""
-
-    uri: str | None = None
-    """serial:/dev/ttyUSB0; none for no display. The command line's --display wins."""
-
-
 Motion = section(MotionSettings)
 Crossing = section(CrossingSettings)
 Laps = section(LapRules)
@@ -312,7 +240,7 @@ class Config(_Section):
     """Name of the session: the runs under one track, calibration and set of rules, which are to be compared."""
     data_dir: ConfigPath | None = None
     """Folder of the input data (twin, keypoints); none for the config file's own."""
-    rules: Annotated[str, BeforeValidator(_resolve_rules)] = DEFAULT_RULES
+    rules: Annotated[str, BeforeValidator(resolve_rules)] = DEFAULT_RULES
     """The rule set: one of those that `dnb-edge config rules` lists, or the path of a YAML file. Keys that this configuration
     gives itself in race, start, format, penalties and score win over it."""
     track: TrackConfig

@@ -19,10 +19,12 @@ from __future__ import annotations
 from dnb_edge.values.following import Observation, Target, TargetState
 from dnb_edge.values.frames import (
     BgrImage,
+    CameraControl,
     Clock,
     Detection,
     Frame,
     FrameDetections,
+    LostFrames,
     PointM,
     PointPx,
     Points,
@@ -56,6 +58,7 @@ from dnb_edge.values.telling import (
 
 __all__ = [
     "BgrImage",
+    "CameraControl",
     "Clock",
     "Crossing",
     "Detection",
@@ -68,6 +71,7 @@ __all__ = [
     "Incident",
     "IncidentKind",
     "Lap",
+    "LostFrames",
     "Observation",
     "PassStatus",
     "Penalty",

@@ -47,6 +47,18 @@ class StampSource(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CameraControl:
+    """One setting of a camera: what was asked of it, and what it says it took."""
+
+    name: str
+    """The driver's name of it, such as `exposure_time_absolute`."""
+    asked: int
+    """In the driver's own units."""
+    taken: int | None
+    """The same, read back; None where the camera does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SourceInfo:
     """What a source of frames says about itself before its first frame."""
 
@@ -60,6 +72,21 @@ class SourceInfo:
     """True where frames are lost if nobody takes them (a camera); a file waits."""
     camera_id: str | None = None
     """A stable identity of the device, such as its /dev/v4l/by-id name; None for files."""
+    driver: str | None = None
+    """The kernel's driver and the camera's own name, such as `uvcvideo: HD Webcam`; None for files."""
+    pixel_format: str | None = None
+    """FourCC of what the camera sends, such as `MJPG`; None where no camera is asked for one."""
+    controls: tuple[CameraControl, ...] = ()
+    """The camera's settings that were asked for, and what it really took; empty for files."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostFrames:
+    """Frames that never came to the detector, by reason."""
+
+    reason: str
+    """`overtaken`, `queue`, `gap`, `damaged`, `short`, `unreadable` or `stamp`."""
+    frames: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

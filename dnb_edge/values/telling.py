@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import TypeAlias
 
 from dnb_edge.values.following import Observation, Target
-from dnb_edge.values.frames import PointM
+from dnb_edge.values.frames import LostFrames, PointM
 from dnb_edge.values.racing import Crossing, Incident, Lap, Score
 
 
@@ -56,6 +56,21 @@ class Health:
     view_sigma_m: float | None = None
     """One standard deviation of the position that the map from picture to track gives, metres, where on the route it is
     greatest; None where the calibration does not tell it."""
+    latency_p95_ms: float | None = None
+    latency_p99_ms: float | None = None
+    """Both: of the times from a frame's stamp to its events since the run began; None where the source is not live."""
+    lost: tuple[LostFrames, ...] = ()
+    """Frames that never came to the detector since the run began, by reason; a reason without frames is left out."""
+    queued_frames: int | None = None
+    """Most frames that waited for the detector in the last period; None where the source is not live."""
+    disk_free_bytes: int | None = None
+    """Room where the recording goes; None without one, and for files and the simulator."""
+    temperature_c: float | None = None
+    """The processor's, degrees Celsius; None where the machine does not tell."""
+    throttled: bool | None = None
+    """Whether heat or a weak supply slows the processor down; None where the machine does not tell."""
+    memory_bytes: int | None = None
+    """Resident memory of the appliance; None for sources that are not live."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
