@@ -10,11 +10,14 @@ import threading
 from collections.abc import Iterable, Iterator
 
 from dnb_edge.errors import InputError
-from dnb_edge.values import Frame, SourceInfo
+from dnb_edge.values import Frame, LostFrames, SourceInfo
 
 
 class RecordingSource:
     """Frames of an earlier run, with the stamps and sequence numbers of that run, so that its gaps stay gaps."""
+
+    lost: tuple[LostFrames, ...] = ()
+    """Nothing: frames wait to be taken."""
 
     def __init__(self, uri: str, info: SourceInfo, frames: Iterable[Frame]) -> None:
         self._uri = uri

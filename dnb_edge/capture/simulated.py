@@ -15,7 +15,7 @@ from urllib.parse import parse_qsl
 from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig
 from dnb_edge.sim.traffic import MOST_CARS
-from dnb_edge.values import Clock, Frame, SourceInfo
+from dnb_edge.values import Clock, Frame, LostFrames, SourceInfo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +32,9 @@ class SimulatorOptions:
 
 class SimulatedSource:
     """A drive of the demo track, by as many cars as asked. The same options give the same frames; they wait to be taken."""
+
+    lost: tuple[LostFrames, ...] = ()
+    """Nothing: frames wait to be taken."""
 
     def __init__(self, uri: str, options: SimulatorOptions) -> None:
         self._options = options

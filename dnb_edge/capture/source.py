@@ -14,7 +14,7 @@ from dnb_edge.capture.simulated import SimulatedSource, parse_simulator_uri
 from dnb_edge.capture.v4l2 import V4l2Source
 from dnb_edge.capture.video import VideoSource
 from dnb_edge.errors import InputError
-from dnb_edge.values import Frame, SourceInfo
+from dnb_edge.values import Frame, LostFrames, SourceInfo
 
 KNOWN_SCHEMES = ("v4l2:/dev/video0", "libcamera:0", "file:clip.mp4", "mcap:run.mcap", "sim:")
 """One example of each kind of URI."""
@@ -26,6 +26,10 @@ class FrameSource(Protocol):
     @property
     def info(self) -> SourceInfo:
         """What the source says about itself; known as soon as it is open."""
+
+    @property
+    def lost(self) -> tuple[LostFrames, ...]:
+        """What the source itself lost since it was opened, by reason, up to the frame given last; empty for files."""
 
     def frames(self) -> Iterator[Frame]:
         """Frames with strictly increasing stamps and sequence numbers, blocking until the next is there.

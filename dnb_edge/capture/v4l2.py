@@ -22,7 +22,7 @@ from linuxpy.video import raw
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.v4l2_setup import camera_id, configure, open_device, refusal
 from dnb_edge.errors import InputError, TemporaryFault
-from dnb_edge.values import BgrImage, Clock, Frame, SourceInfo, StampSource
+from dnb_edge.values import BgrImage, Clock, Frame, LostFrames, SourceInfo, StampSource
 
 _TIMESTAMP_MASK = 0xE000
 _TIMESTAMP_MONOTONIC = 0x2000
@@ -68,6 +68,12 @@ class V4l2Source:
             self._let_go()
             raise
         self._wake_read, self._wake_write = os.pipe()
+
+    @property
+    def lost(self) -> tuple[LostFrames, ...]:
+        """Frames that were dropped here, by reason."""
+        counts = (("damaged", self.damaged_frames), ("overtaken", self.overtaken_frames))
+        return tuple(LostFrames(reason=reason, frames=frames) for reason, frames in counts if frames)
 
     def frames(self) -> Iterator[Frame]:
         """The newest frame each time one is asked for, until `close`.

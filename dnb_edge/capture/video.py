@@ -16,13 +16,16 @@ import cv2
 import numpy as np
 
 from dnb_edge.errors import InputError
-from dnb_edge.values import BgrImage, Clock, Frame, SourceInfo, StampSource
+from dnb_edge.values import BgrImage, Clock, Frame, LostFrames, SourceInfo, StampSource
 
 _NANOSECONDS_PER_MS = 1_000_000
 
 
 class VideoSource:
     """A video file as a source. Its clock starts at 0 with the first frame, and its frames wait to be taken."""
+
+    lost: tuple[LostFrames, ...] = ()
+    """Nothing: frames wait to be taken."""
 
     def __init__(self, uri: str, path: Path) -> None:
         """Opens `path` and decodes its first frame. Raises `InputError` where that cannot be done."""

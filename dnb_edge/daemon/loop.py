@@ -10,14 +10,16 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from dnb_edge.capture.decode import decode_bgr
-from dnb_edge.capture.picture_health import PictureJudge
+from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge, PictureLimits
 from dnb_edge.core import Core
 from dnb_edge.daemon.feed import FrameFeed
+from dnb_edge.daemon.machine import MachineState
 from dnb_edge.daemon.meter import Meter
+from dnb_edge.daemon.progress import Progress
 from dnb_edge.daemon.sinks import Sink
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
@@ -40,6 +42,10 @@ from dnb_edge.view.drift import DriftWatch
 TICK_S = 0.25
 """Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
 
+FROZEN_S = 5.0
+"""For how long a camera may repeat one picture before it is opened anew; each time in vain doubles that."""
+FROZEN_MOST_S = 60.0
+
 log = logging.getLogger(__name__)
 
 
@@ -59,14 +65,23 @@ class Race:
     stop: threading.Event
     drift: DriftWatch | None = None
     """Watches whether the camera stays in its place; None where nobody does."""
+    machine: Callable[[], MachineState] | None = None
+    """The machine's latest state, which never blocks; None for files and the simulator."""
+    on_ready: Callable[[], None] | None = None
+    """Called once, when the first frame is raced; must not block."""
     laps: int = 0
     _last_t_ns: int | None = None
     _told_fault: str | None = None
     _known_warnings: frozenset[str] = frozenset()
     _pictures: PictureJudge = field(init=False)
+    _progress: Progress = field(init=False)
+    _frozen_t_ns: int | None = None
+    """Since when the picture has been frozen, or was last renewed."""
+    _frozen_patience_s: float = FROZEN_S
 
     def __post_init__(self) -> None:
         self._pictures = PictureJudge(live=self.info.live)
+        self._progress = Progress(self.notifier, self.recorder)
 
     def run(self) -> RunSummary:
         """Races until the source ends, the wanted laps are complete or `stop` is set; returns the summary so far.
@@ -80,7 +95,7 @@ class Race:
             elif self.feed.fault != self._told_fault:
                 # No frame comes that could make the next one due.
                 self._tell(self._health())
-            self.notifier.feed(progressed=frame is not None or self.feed.fault is not None)
+            self._progress.stepped(captured=frame is not None or self.feed.fault is not None)
         for event in self.core.finish():
             self._tell(event)
         self._tell(self._health())
@@ -93,19 +108,16 @@ class Race:
         )
 
     def _race(self, frame: Frame) -> None:
-        if self._last_t_ns is not None and frame.t_ns <= self._last_t_ns:
-            log.warning("frame %d: its stamp is not later than the one before: left out", frame.sequence)
-            return
-        image = decode_bgr(frame)
+        image = self._picture(frame)
         if image is None:
-            self.meter.unreadable_frames += 1
             return
         if self._last_t_ns is None:
-            self.notifier.ready()
+            self._ready()
         self._last_t_ns = frame.t_ns
         self.meter.frame(frame)
         picture_changed = self._pictures.look(image, frame.t_ns)
         self.meter.picture = self._pictures.fault
+        self._thaw(frame.t_ns)
         view_changed = self._watch(image, frame)
         found = replace(
             self._detect(image, frame), view_moved_m=self.meter.view_moved_m, stamp_source=frame.stamp_source
@@ -120,6 +132,36 @@ class Race:
             self._tell(event)
         if self.meter.due or picture_changed or view_changed:
             self._tell(self._health())
+
+    def _picture(self, frame: Frame) -> BgrImage | None:
+        """The frame's picture; None, counted, where it is not to be raced."""
+        self.meter.lost_before = self.feed.lost
+        if self._last_t_ns is not None and frame.t_ns <= self._last_t_ns:
+            self.meter.misstamped_frames += 1
+            if self.meter.misstamped_frames == 1:
+                log.warning("frame %d: its stamp is not later than the one before: left out", frame.sequence)
+            return None
+        image = decode_bgr(frame)
+        if image is None:
+            self.meter.unreadable_frames += 1
+        return image
+
+    def _ready(self) -> None:
+        self.notifier.ready()
+        if self.on_ready is not None:
+            self.on_ready()
+
+    def _thaw(self, t_ns: int) -> None:
+        """Has a camera that repeats one picture opened anew, ever more seldom where that does not help."""
+        if self._pictures.fault is not PictureFault.FROZEN:
+            self._frozen_t_ns, self._frozen_patience_s = None, FROZEN_S
+        elif self._frozen_t_ns is None:
+            # Told only after a while: by then it has been frozen for so long already.
+            self._frozen_t_ns = t_ns - round(PictureLimits().frozen_s * 1e9)
+        elif t_ns - self._frozen_t_ns >= self._frozen_patience_s * 1e9:
+            self._frozen_t_ns = t_ns
+            self._frozen_patience_s = min(2.0 * self._frozen_patience_s, FROZEN_MOST_S)
+            self.feed.renew(REMEDIES[PictureFault.FROZEN])
 
     def _watch(self, image: BgrImage, frame: Frame) -> bool:
         """Sees whether the camera is still in its place; True where that has changed. A blind picture tells nothing."""
@@ -147,7 +189,14 @@ class Race:
         warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
         unwatched = None if self.drift is None else self.drift.note
         notes = (*self.core.notes(), *(() if unwatched is None else (unwatched,)))
-        health = self.meter.health(display=self._display(), recording=self._recording(), warnings=warnings, notes=notes)
+        health = self.meter.health(
+            display=self._display(),
+            recording=self._recording(),
+            warnings=warnings,
+            notes=notes,
+            machine=None if self.machine is None else self.machine(),
+            queued_frames=self.feed.most_queued() if self.info.live else None,
+        )
         self._warn(health.warnings)
         return health
 

@@ -10,12 +10,28 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault
-from dnb_edge.values import Frame, Health, Observation
+from dnb_edge.daemon.losses import GAP, QUEUE, STAMP, UNREADABLE, added, since
+from dnb_edge.daemon.machine import NOTHING_KNOWN, MachineJudge, MachineState
+from dnb_edge.daemon.spread import Spread
+from dnb_edge.values import Frame, Health, LostFrames, Observation
 
 PERIOD_NS = 1_000_000_000
 
 COUNTED_KEPT = 600
 """Frames that are remembered as counted: twice as many as observations can be held back."""
+
+LOST_SHARE = 0.02
+"""Share of a period's frames above which their loss is a warning."""
+
+_LOSS_WORDS = {
+    QUEUE: "this machine is too slow for the camera's rate",
+    "overtaken": "this machine is too slow for the camera's rate",
+    GAP: "the camera or its cable loses them",
+    "damaged": "they come damaged, check the camera's cable",
+    "short": "they come cut off, check the camera's cable",
+    UNREADABLE: "they come damaged, check the camera's cable",
+    STAMP: "the camera's stamps run backwards",
+}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -31,6 +47,10 @@ class Meter:
     detected_frames: int = 0
     dropped_frames: int = 0
     unreadable_frames: int = 0
+    misstamped_frames: int = 0
+    """Frames whose stamp was not later than the one before."""
+    lost_before: tuple[LostFrames, ...] = ()
+    """What the feed lost before the latest frame."""
     picture: PictureFault | None = None
     """What is wrong with the picture at present."""
     view_moved_m: float | None = None
@@ -45,6 +65,9 @@ class Meter:
     _counted: deque[int] = field(default_factory=lambda: deque(maxlen=COUNTED_KEPT))
     """Stamps of the latest frames in which a car was found."""
     _latencies_ms: list[float] = field(default_factory=list)
+    _all_latencies: Spread = field(default_factory=Spread)
+    _judge: MachineJudge = field(default_factory=MachineJudge)
+    _lost_told: tuple[LostFrames, ...] = ()
 
     def frame(self, frame: Frame) -> None:
         """Counts one frame that is raced, and those that the source lost before it."""
@@ -66,6 +89,16 @@ class Meter:
     def latency(self, milliseconds: float) -> None:
         """Notes the time from a frame's stamp to its events."""
         self._latencies_ms.append(milliseconds)
+        self._all_latencies.add(milliseconds)
+
+    @property
+    def lost(self) -> tuple[LostFrames, ...]:
+        """Frames that never came to the detector, by reason."""
+        own = (
+            LostFrames(reason=STAMP, frames=self.misstamped_frames),
+            LostFrames(reason=UNREADABLE, frames=self.unreadable_frames),
+        )
+        return added(self.lost_before, own)
 
     @property
     def due(self) -> bool:
@@ -73,14 +106,24 @@ class Meter:
         return self._last is not None and self._last.t_ns - self._period_t_ns >= PERIOD_NS
 
     def health(
-        self, *, display: str, recording: str, warnings: tuple[str, ...] = (), notes: tuple[str, ...] = ()
+        self,
+        *,
+        display: str,
+        recording: str,
+        warnings: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (),
+        machine: MachineState | None = None,
+        queued_frames: int | None = None,
     ) -> Health:
-        """The `Health` now; starts the next period."""
+        """The `Health` now; starts the next period. `machine` and `queued_frames` come with a live source only."""
         t_ns = self._last.t_ns if self._last is not None else 0
         span_ns = t_ns - self._period_t_ns
         latency_ms = statistics.median(self._latencies_ms) if self._latencies_ms else None
         unreadable = (f"{self.unreadable_frames} unreadable pictures",) if self.unreadable_frames else ()
         picture = () if self.picture is None else (REMEDIES[self.picture],)
+        live = () if machine is None else (*self._losing(), *self._judge.warnings(machine))
+        machine = machine or NOTHING_KNOWN
+        lost = self.lost
         moved = () if self.view_warning is None else (self.view_warning,)
         health = Health(
             t_ns=t_ns,
@@ -97,10 +140,29 @@ class Meter:
             view_sigma_m=self.view_sigma_m,
             notes=notes,
             # Boards show the first few: without a picture nothing else matters.
-            warnings=(*picture, *moved, *self.standing_warnings, *unreadable, *warnings),
+            warnings=(*picture, *moved, *self.standing_warnings, *unreadable, *warnings, *live),
             picture=None if self.picture is None else self.picture.value,
             view_moved_m=self.view_moved_m,
+            latency_p95_ms=self._all_latencies.percentile(95.0),
+            latency_p99_ms=self._all_latencies.percentile(99.0),
+            lost=lost,
+            queued_frames=queued_frames,
+            disk_free_bytes=machine.disk_free_bytes,
+            temperature_c=machine.temperature_c,
+            throttled=machine.throttled,
+            memory_bytes=machine.memory_bytes,
         )
+        self._lost_told = lost
         self._period_t_ns, self._period_frames = t_ns, 0
         self._latencies_ms.clear()
         return health
+
+    def _losing(self) -> tuple[str, ...]:
+        """The warning where too many of the period's frames were lost, with what most of them were lost by."""
+        lost = since(self._lost_told, self.lost)
+        frames = sum(one.frames for one in lost)
+        if frames <= LOST_SHARE * (frames + self._period_frames):
+            return ()
+        worst = max(lost, key=lambda one: one.frames)
+        share = 100.0 * frames / (frames + self._period_frames)
+        return (f"{share:.0f} % of frames lost: {_LOSS_WORDS.get(worst.reason, worst.reason)}",)

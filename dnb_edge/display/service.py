@@ -57,17 +57,19 @@ class ServiceNotifier:
             self._status = line
             self._tell(f"STATUS={line}")
 
-    def feed(self, progressed: bool) -> None:
-        """Feed the watchdog if it is due. Call it about every second from the one thread that watches the others.
+    def feed(self, progressed: bool) -> bool:
+        """Feed the watchdog if it is due; True where it was fed. Call it often from the one thread that watches the others.
 
         `progressed`: capture, scoring and writer all moved since the last call, or are in a declared degraded state (such
         as a camera that is away). Where they did not, the watchdog starves and systemd restarts the service.
         """
         now_s = self._clock_s()
         due = self._fed_s is None or (self._period_s is not None and now_s - self._fed_s >= self._period_s)
-        if progressed and due and self._period_s is not None:
-            self._fed_s = now_s
-            self._tell("WATCHDOG=1")
+        if not (progressed and due and self._period_s is not None):
+            return False
+        self._fed_s = now_s
+        self._tell("WATCHDOG=1")
+        return True
 
     def stopping(self) -> None:
         """The run is over; the recording is being finished."""

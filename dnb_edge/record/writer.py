@@ -126,6 +126,8 @@ class Recorder:
         self._mail: Mailbox[_Item] = Mailbox(capacity=settings.queue_messages, picture_capacity=settings.queue_pictures)
         self._image_due_ns: int | None = None
         self._last_t_ns = 0
+        self.progress = 0
+        """Rounds of the writer's thread, one a second at least while the disk answers, with or without anything to write."""
         self._saved = threading.Condition()
         self._saved_ticket = 0
         self._wanted_ticket = 0
@@ -252,6 +254,7 @@ class Recorder:
         next_sync_s = time.monotonic() + self._settings.sync_period_s
         written, synced = 0, 0
         while True:
+            self.progress += 1
             batch = self._mail.take(BATCH, max(0.0, next_sync_s - time.monotonic()))
             if batch is None:
                 return

@@ -10,7 +10,7 @@ import numpy as np
 from dnb_edge.display.base import DisplayStatus
 from dnb_edge.display.state import BoardState
 from dnb_edge.errors import TemporaryFault
-from dnb_edge.values import BgrImage, Clock, Frame, FrameDetections, SearchWindow, SourceInfo, StampSource
+from dnb_edge.values import BgrImage, Clock, Frame, FrameDetections, LostFrames, SearchWindow, SourceInfo, StampSource
 
 SIZE_PX = (64, 36)
 PATIENCE_S = 10.0
@@ -59,6 +59,7 @@ class Clip:
         self.info = info(live=False)
         self._frames = frames
         self._fault = fault
+        self.lost: tuple[LostFrames, ...] = ()
         self.given = 0
         self.closed = False
 
@@ -80,6 +81,7 @@ class Camera:
 
     def __init__(self) -> None:
         self.info = info(live=True)
+        self.lost: tuple[LostFrames, ...] = ()
         self._shots: queue.SimpleQueue[Frame | Exception | None] = queue.SimpleQueue()
         self.given = 0
         self.closings = 0
