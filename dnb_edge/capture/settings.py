@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,5 +19,15 @@ class CaptureSettings:
     """Kernel buffers; four let the newest be taken while the driver still has some to fill."""
     stall_timeout_s: float = 2.0
     """A camera that gives no frame for so long counts as gone."""
+    exposure_us: Literal["auto"] | float | None = None
+    """Exposure time, microseconds, or auto; None leaves the camera as it is, here and below."""
+    gain: float | None = None
+    """In the camera's own units; libcamera: a factor."""
+    white_balance_k: Literal["auto"] | float | None = None
+    """Colour temperature of the light, kelvin, or auto."""
+    focus: Literal["auto"] | float | None = None
+    """In the camera's own units (libcamera: dioptres), or auto."""
+    power_line_hz: Literal["off", "auto", 50, 60] | None = None
+    """Frequency of the mains that lamps flicker by."""
     controls: dict[str, int] = field(default_factory=dict)
     """V4L2 controls to set before the first frame, by linuxpy's names (`exposure_time_absolute`, `focus_absolute` ...)."""
