@@ -161,7 +161,7 @@ def _race(run: RecordedRun, setup: CoreSetup, *, tell_running: bool) -> tuple[tu
     core = Core(setup, tell_running=tell_running)
     events: list[Event] = []
     frames_t_ns: list[int] = []
-    views = ViewLog(setup.track.centreline)
+    views = ViewLog(setup.track.centreline, camera_gap_s=setup.camera_gap_s)
     with _without_collector():
         for detections in run.detections():
             frames_t_ns.append(detections.t_ns)

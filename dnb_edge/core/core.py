@@ -28,7 +28,7 @@ class Core:
         self._follower = Follower(setup.motion, setup.track.centreline)
         self._sight = Sight(setup.ground, setup.track.centreline, margin_m=setup.birth_margin_m)
         self._seats = Seats(setup.motion.cars, setup.cars)
-        self._views = ViewLog(setup.track.centreline)
+        self._views = ViewLog(setup.track.centreline, camera_gap_s=setup.camera_gap_s)
         self._field = Field(setup, self._views, tell_running=tell_running)
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None

@@ -21,6 +21,9 @@ from dnb_edge.view.ground import GroundMap
 _BEFORE = {"regain_s": 0.0}
 """Settings of recordings from before these settings existed: what the core did then."""
 
+CAMERA_GAP_S = 1.0
+"""A camera that sends nothing for so long was away, or nobody took its frames; the slowest source has a frame a second."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreSetup:
@@ -49,6 +52,9 @@ class CoreSetup:
     """Covariance of the map's homography, as in `Calibration`, for frames of `ground`'s size; None where it is not known."""
     row_s: float = 0.0
     """Time from one row of the picture to the next (rolling shutter), seconds; 0 where all are seen at once or nobody knows."""
+
+    camera_gap_s: float | None = CAMERA_GAP_S
+    """The longest time between two frames after which a lap is not marked, seconds; None: laps are never marked for it."""
 
     @property
     def rules_digest(self) -> str:
@@ -81,6 +87,7 @@ class CoreSetup:
             "cars": [wire.to_dict(car) for car in self.cars],
             "map_covariance": self.map_covariance,
             "row_s": self.row_s,
+            "camera_gap_s": self.camera_gap_s,
         }
 
     @classmethod
@@ -104,6 +111,8 @@ class CoreSetup:
                 cars=tuple(wire.from_dict(CarSetup, car) for car in data.get("cars", ())),
                 map_covariance=_matrix(data.get("map_covariance")),
                 row_s=data.get("row_s", 0.0),
+                # Laps of recordings from before this setting existed were not marked.
+                camera_gap_s=data.get("camera_gap_s"),
             )
         except KeyError as error:
             raise ValueError(f"the setup has no member {error}") from error

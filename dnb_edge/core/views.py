@@ -1,4 +1,4 @@
-"""How far the camera was known to have moved, and when, and which laps were driven under such a view.
+"""How far the camera was known to have moved, and when, when no frames came, and which laps were driven under such a view.
 
 Knows displacements and stamps; measures nothing.
 """
@@ -14,18 +14,33 @@ from dnb_edge.values import Lap
 class ViewLog:
     """Told of every frame; asked about every lap."""
 
-    def __init__(self, route: Centreline) -> None:
+    def __init__(self, route: Centreline, *, camera_gap_s: float | None = None) -> None:
+        """`camera_gap_s`: the longest time between two frames that is no gap of the camera; None where nobody asks for gaps."""
+        self._gap_ns = None if camera_gap_s is None else round(camera_gap_s * 1e9)
+        self._last_t_ns: int | None = None
+        # From the last frame before a gap to the first one behind it.
+        self._gaps: list[tuple[int, int]] = []
         self._width_m = float(np.ptp(route.points_m, axis=0).max())
         # Stamps at which it changed how far the camera was known to have moved, and to what.
         self._views: list[tuple[int, float | None]] = [(0, None)]
 
     def frame(self, t_ns: int, moved_m: float | None) -> None:
         """Says how far the camera was known to have moved at this frame; None where it is not known to have moved."""
+        if self._gap_ns is not None and self._last_t_ns is not None and t_ns - self._last_t_ns > self._gap_ns:
+            self._gaps.append((self._last_t_ns, t_ns))
+        self._last_t_ns = t_ns
         if moved_m != self._views[-1][1]:
             self._views.append((t_ns, moved_m))
 
     def suspect(self, lap: Lap) -> tuple[str, ...]:
         """Why the numbers of a lap may be wrong though it was driven well."""
+        return (*self._unseen(lap), *self._moved(lap))
+
+    def _unseen(self, lap: Lap) -> tuple[str, ...]:
+        gaps_ns = [until - since for since, until in self._gaps if since < lap.end_t_ns and until > lap.start_t_ns]
+        return tuple(f"camera gap: no frames came for {gap_ns * 1e-9:.1f} s" for gap_ns in gaps_ns)
+
+    def _moved(self, lap: Lap) -> tuple[str, ...]:
         untils = [*(t_ns for t_ns, _ in self._views[1:]), lap.end_t_ns + 1]
         moved = [
             moved_m

@@ -21,6 +21,7 @@ SETUP_NAME = "setup.json"
 METADATA_NAME = "dnb-edge"
 LOSS_METADATA_NAME = "dnb-edge/loss"
 RECOVERY_METADATA_NAME = "dnb-edge/recovery"
+CONTINUES_METADATA_NAME = "dnb-edge/continues"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +45,8 @@ class RunHeader:
     """Name of the session: the runs under one track, calibration and set of rules; None where nobody named one."""
     identity: dict[str, str] = field(default_factory=dict)
     """Digests of `track`, `calibration` and `rules` as the recording software computed them, for people and viewers."""
+    resumed_from: str | None = None
+    """Name of the finished file of the run that this one goes on with, since that was cut short; None for a new run."""
 
     @property
     def driver(self) -> EntryInfo:
@@ -69,6 +72,7 @@ class RunHeader:
             "entry_version": self.driver.version,
             "checkpoint_sha256": self.driver.checkpoint_sha256,
             "session": self.session,
+            "resumed_from": self.resumed_from,
         } | self.identity
         return short | {name: text for name, text in told.items() if text}
 
@@ -92,6 +96,7 @@ def header_from_json(text: str | bytes) -> RunHeader:
             entry=None if data.get("entry") is None else wire.from_dict(EntryInfo, data["entry"]),
             session=data.get("session"),
             identity=dict(data.get("identity", {})),
+            resumed_from=data.get("resumed_from"),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"{SETUP_NAME} is incomplete: {error}") from error

@@ -6,8 +6,9 @@ Knows the layout that docs/recording.md describes. Knows nothing of scoring. A f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +17,7 @@ from mcap.records import Attachment, Message, Metadata
 from dnb_edge import wire
 from dnb_edge.errors import InputError
 from dnb_edge.record import protobuf
+from dnb_edge.record.chain import Head, chain_of, read_head
 from dnb_edge.record.channels import (
     DETECTIONS_TOPIC,
     EVENT_TOPICS,
@@ -61,11 +63,18 @@ class RecordedRun:
     warnings: tuple[str, ...]
     kept: tuple[tuple[int, bytes], ...] | None = field(default=None, repr=False)
     """Log time and text of all detections, as they were found in checking; None where nobody wanted them kept."""
+    earlier: tuple[Path, ...] = ()
+    """The files that this one goes on from, oldest first: counts, stamps and messages are of all of them together."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files of the recording, in order."""
+        return (*self.earlier, self.path)
 
     def messages(self) -> Iterator[FrameDetections | Event]:
         """Detections and events, in the order in which they were recorded. Raises InputError where one is malformed."""
-        for topic, message in _messages(LinearReader(self.path, topics=JSON_TOPICS)):
-            yield _decoded(self.path, topic, JSON_TOPICS[topic], message.data, message.log_time)
+        for path, topic, message in self._stored(JSON_TOPICS):
+            yield _decoded(path, topic, JSON_TOPICS[topic], message.data, message.log_time)
 
     def detections(self) -> Iterator[FrameDetections]:
         """What the pure core was given, frame by frame."""
@@ -73,13 +82,19 @@ class RecordedRun:
         return (_decoded(self.path, DETECTIONS_TOPIC, FrameDetections, text, t_ns) for t_ns, text in texts)
 
     def _detection_texts(self) -> Iterator[tuple[int, bytes]]:
-        for _, message in _messages(LinearReader(self.path, topics=(DETECTIONS_TOPIC,))):
+        for _, _, message in self._stored((DETECTIONS_TOPIC,)):
             yield message.log_time, message.data
+
+    def _stored(self, topics: Collection[str]) -> Iterator[tuple[Path, str, Message]]:
+        """Messages of these topics with their file and topic, file after file."""
+        for path in self.files:
+            for topic, message in _messages(LinearReader(path, topics=topics)):
+                yield path, topic, message
 
     def events(self) -> Iterator[Event]:
         """What the core and the appliance said, in order."""
-        for topic, message in _messages(LinearReader(self.path, topics=EVENT_TOPICS.values())):
-            yield _decoded(self.path, topic, JSON_TOPICS[topic], message.data, message.log_time)
+        for path, topic, message in self._stored(tuple(EVENT_TOPICS.values())):
+            yield _decoded(path, topic, JSON_TOPICS[topic], message.data, message.log_time)
 
 
 def read_run(path: Path, *, tolerate_damage: bool = False, keep_detections: bool = False) -> RecordedRun:
@@ -88,7 +103,48 @@ def read_run(path: Path, *, tolerate_damage: bool = False, keep_detections: bool
     Raises InputError with one line where it is not there, no MCAP file, no recording of ours, cut short or damaged. With
     `tolerate_damage` the last two are told by `damage` instead, and the messages are those before the damage. With
     `keep_detections` their text stays in memory, up to `KEPT_BYTES`, so that the file need not be read a second time for them.
+
+    A run that goes on from one that was cut short is read with the files of that one, which lie beside it: one of them that
+    is not there is told by a warning.
     """
+    run = _read_file(path, tolerate_damage=tolerate_damage, keep_detections=keep_detections)
+    chain = chain_of(Head(path=path, header=run.header, previous=read_head(path).previous))
+    # What was never finished ends where it was cut short, whoever reads it.
+    earlier = [
+        _read_file(one, tolerate_damage=True, keep_detections=keep_detections and run.kept is not None)
+        for one in chain.earlier
+    ]
+    if chain.missing is not None:
+        told = f"it goes on from {chain.missing}, which is not beside it: what came before is left out"
+        run = replace(run, warnings=(*run.warnings, told))
+    return _joined(earlier, run) if earlier else run
+
+
+def _joined(earlier: Sequence[RecordedRun], last: RecordedRun) -> RecordedRun:
+    """One recording of several files."""
+    runs = (*earlier, last)
+    firsts = [run.first_t_ns for run in runs if run.first_t_ns is not None]
+    lasts = [run.last_t_ns for run in runs if run.last_t_ns is not None]
+    kept = [run.kept for run in runs if run.kept is not None]
+    whole = len(kept) == len(runs) and sum(len(text) for one in kept for _, text in one) < KEPT_BYTES
+    counts: Counter[str] = Counter()
+    for run in runs:
+        counts.update(run.counts)
+    names = ", ".join(run.path.name for run in earlier)
+    return replace(
+        last,
+        counts=dict(counts),
+        first_t_ns=min(firsts, default=None),
+        last_t_ns=max(lasts, default=None),
+        lost_messages=sum(run.lost_messages for run in runs),
+        warnings=(f"goes on from {names}, read with it", *(told for run in runs for told in run.warnings)),
+        kept=tuple(item for one in kept for item in one) if whole else None,
+        earlier=tuple(run.path for run in earlier),
+    )
+
+
+def _read_file(path: Path, *, tolerate_damage: bool, keep_detections: bool) -> RecordedRun:
+    """One file of a recording, all of it checked."""
     reader = LinearReader(path, topics=(DETECTIONS_TOPIC,) if keep_detections else ())
     header: RunHeader | None = None
     lost: dict[str, dict[str, str]] = {}
@@ -128,7 +184,16 @@ def read_run(path: Path, *, tolerate_damage: bool = False, keep_detections: bool
 
 
 def iter_frames(path: Path) -> Iterator[Frame]:
-    """The recorded pictures with their stamps and the source's own frame numbers, as JPEG. Raises InputError."""
+    """The recorded pictures with their stamps and the source's own frame numbers, as JPEG, of all files of the recording.
+
+    Raises InputError.
+    """
+    for earlier in chain_of(read_head(path)).earlier:
+        yield from _file_frames(earlier, whole=False)
+    yield from _file_frames(path, whole=True)
+
+
+def _file_frames(path: Path, *, whole: bool) -> Iterator[Frame]:
     note: ImageNote | None = None
     reader = LinearReader(path, topics=(IMAGE_NOTE_TOPIC, IMAGE_TOPIC))
     for topic, message in _messages(reader):
@@ -139,7 +204,7 @@ def iter_frames(path: Path) -> Iterator[Frame]:
             note = None
     if not reader.is_mcap:
         raise InputError(f"{path}: not an MCAP file")
-    if reader.damage is not None:
+    if whole and reader.damage is not None:
         raise InputError(f"{path}: {damage_text(reader.damage)}: run `dnb-edge runs recover {path}`")
 
 
