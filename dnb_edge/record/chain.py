@@ -87,7 +87,7 @@ def chain_of(head: Head) -> Chain:
 
 
 def continued(paths: Iterable[Path]) -> dict[Path, Path]:
-    """Which of these recordings go on in which other one of them. One that cannot be read goes on nowhere: its reader says why."""
+    """Which of these recordings go on in which other one of them. Of one that cannot be read, its reader says why."""
     known = list(paths)
     found: dict[Path, Path] = {}
     for path in known:

@@ -1,0 +1,296 @@
+"""A run that was cut short and may be gone on with: whether there is one, what it held, and why another is left alone.
+
+Knows the recordings of one directory and what makes two runs the same race. Knows no core: who brings it back to where it was
+is `catchup`. A run is gone on with only in the same boot, since the clock that its laps are timed by ends with it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import logging
+import os
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Message
+
+from dnb_edge import wire
+from dnb_edge.errors import InputError
+from dnb_edge.record import names
+from dnb_edge.record.chain import chain_of, read_head
+from dnb_edge.record.channels import DETECTIONS_TOPIC, EVENT_TOPICS
+from dnb_edge.record.durable import PART_SUFFIX
+from dnb_edge.record.header import RunHeader
+from dnb_edge.record.scan import LinearReader
+from dnb_edge.values import (
+    Clock,
+    Crossing,
+    Event,
+    FrameDetections,
+    Health,
+    Incident,
+    Lap,
+    RaceState,
+    RunSummary,
+    Score,
+    Standings,
+)
+
+log = logging.getLogger(__name__)
+
+RESUME_WITHIN_S = 600.0
+"""How long a run may have been dead, seconds: whoever comes back later comes for another race."""
+
+_SHOWN = (Crossing, Incident, Lap, RaceState, Score, Standings)
+"""What a board is made of, besides what comes anew with every frame."""
+
+_SHOWN_TOPICS: dict[str, type[Any]] = {EVENT_TOPICS[kind]: kind for kind in _SHOWN}
+_HEALTH_TOPIC = EVENT_TOPICS[Health]
+_SUMMARY_TOPIC = EVENT_TOPICS[RunSummary]
+_NOT_OF_THE_CORE = frozenset({_HEALTH_TOPIC, _SUMMARY_TOPIC})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unfinished:
+    """A run that was cut short, as far as it was saved."""
+
+    files: tuple[Path, ...]
+    """Its files, in order."""
+    first_t_ns: int
+    last_t_ns: int
+    """Stamps of its first and last saved frame."""
+    frames: int
+    last_sequence: int
+    shown: tuple[Event, ...]
+    """What boards show, in the order in which it was told."""
+    after_last: int
+    """Number of the core's events that were saved behind the last frame's detections: that frame may have more."""
+
+    @property
+    def laps(self) -> tuple[Lap, ...]:
+        """The laps that were saved."""
+        return tuple(event for event in self.shown if isinstance(event, Lap))
+
+    @property
+    def name(self) -> str:
+        """What its last file is called when it is finished."""
+        return self.files[-1].name.removesuffix(PART_SUFFIX)
+
+    @property
+    def parts(self) -> tuple[Path, ...]:
+        """Its files that nobody has finished."""
+        return tuple(path for path in self.files if path.name.endswith(PART_SUFFIX))
+
+    def detections(self) -> Iterator[FrameDetections]:
+        """What its core was given, frame by frame. Raises ValueError where one is malformed."""
+        for path in self.files:
+            for record in LinearReader(path, topics=(DETECTIONS_TOPIC,)).records():
+                if isinstance(record, Message):
+                    yield wire.from_json(FrameDetections, record.data)
+
+
+def find_unfinished(directory: Path, header: RunHeader, *, now_ns: int, within_s: float) -> Unfinished | None:
+    """The latest run in `directory`, if the one that begins now, with `header`, is to go on with it; else None.
+
+    `now_ns` is CLOCK_MONOTONIC. Says in the log why a run that was cut short is not gone on with.
+    """
+    path = _latest(directory)
+    if path is None:
+        _say_other_boot(directory)
+        return None
+    try:
+        head = read_head(path)
+        chain = chain_of(head)
+        found = _read((*chain.earlier, path))
+        reason = _other_race(head.header, header)
+        if reason is None and chain.missing is not None:
+            reason = f"{chain.missing}, from which it went on, is not there"
+    except _Ended:
+        return None
+    except InputError as error:
+        log.warning("not resumed: %s", error)
+        return None
+    if reason is None:
+        reason = _too_far(found, now_ns=now_ns, within_s=within_s)
+    if reason is not None:
+        log.warning("%s was cut short and is not resumed: %s", path.name.removesuffix(PART_SUFFIX), reason)
+        return None
+    return found
+
+
+def recover_aside(parts: Sequence[Path]) -> None:
+    """Finishes the files of a run that was cut short, in a process of its own with little priority: it takes seconds an hour.
+
+    Where that does not come about the next start does it; until then they are read as they are.
+    """
+    words = ["nice", "-n", "19", sys.executable, "-m", "dnb_edge", "runs", "recover", *map(str, parts)]
+
+    def recover() -> None:
+        try:
+            done = subprocess.run(words, check=False, capture_output=True, text=True, stdin=subprocess.DEVNULL)  # noqa: S603
+        except OSError as error:
+            log.warning("%s: left as it is until the next start: %s", parts[-1], error.strerror)
+            return
+        for line in (done.stdout + done.stderr).splitlines():
+            log.info("%s", line)
+
+    if parts:
+        threading.Thread(target=recover, name="recover", daemon=True).start()
+
+
+class _Ended(Exception):
+    """The run has come to its own end."""
+
+
+def _latest(directory: Path) -> Path | None:
+    """The file of this boot with the highest number that holds a header; None where there is none, or it is in use."""
+    pattern = re.compile(rf"run-{re.escape(names.boot_tag())}-(\d+)\.mcap({re.escape(PART_SUFFIX)})?")
+    found = [(int(match[1]), path) for path in directory.glob("run-*") if (match := pattern.fullmatch(path.name))]
+    for _, path in sorted(found, reverse=True):
+        try:
+            read_head(path)
+        except InputError:
+            # It was cut short before its header was saved.
+            continue
+        return None if _in_use(path) else path
+    return None
+
+
+def _in_use(path: Path) -> bool:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _say_other_boot(directory: Path) -> None:
+    """A run of an earlier boot is recovered and never gone on with: how long the box was off nobody knows."""
+    tag = names.boot_tag()
+    for path in sorted(directory.glob(f"run-*{PART_SUFFIX}")):
+        if not path.name.startswith(f"run-{tag}-") and not _in_use(path):
+            log.warning(
+                "%s was cut short by a power cut or a restart of the machine and is not resumed: its clock has ended with it. "
+                "A new race begins; the laps of the old one are kept",
+                path.name.removesuffix(PART_SUFFIX),
+            )
+
+
+def _other_race(before: RunHeader, now: RunHeader) -> str | None:
+    """In what the run that begins is another race than the one before; None where it is the same."""
+    if now.source.clock is not Clock.MONOTONIC or not now.source.live:
+        return f"{now.source.uri} is no live camera"
+    mine, other = json.loads(now.to_json()), json.loads(before.to_json())
+    names_of = {
+        "source": "source",
+        "entry": "entry",
+        "session": "session",
+        "versions": "software",
+        "setup": "configuration",
+    }
+    for member, word in names_of.items():
+        if _same(mine[member]) != _same(other[member]):
+            return f"another {word}"
+    return None
+
+
+def _same(value: Any) -> Any:
+    """What must be equal: of a source who it is, not how its settings were taken this time."""
+    if isinstance(value, dict) and "camera_id" in value:
+        return {key: value[key] for key in ("uri", "width_px", "height_px", "clock", "live", "camera_id")}
+    return value
+
+
+def _too_far(found: Unfinished, *, now_ns: int, within_s: float) -> str | None:
+    age_s = (now_ns - found.last_t_ns) * 1e-9
+    if age_s < 0:
+        return "its stamps lie in the future"
+    if age_s > within_s:
+        return f"its last frame is {age_s:.0f} s old (limit {within_s:.0f} s)"
+    return None
+
+
+class _Tally:
+    """What is gathered from one file after the other."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.first: bytes | None = None
+        self.last: bytes | None = None
+        self.after_last = 0
+        self.shown: list[Event] = []
+        self.since_start = 0
+        """Frames of the process that wrote the file: what its Health counts."""
+
+    def take(self, topic: str, data: bytes) -> None:
+        """Takes one message. Raises `_Ended` at the run's summary, ValueError where one is malformed or frames are missing."""
+        if topic == DETECTIONS_TOPIC:
+            self.first = self.first or data
+            self.last = data
+            self.frames += 1
+            self.since_start += 1
+            self.after_last = 0
+        elif topic == _SUMMARY_TOPIC:
+            raise _Ended
+        elif topic == _HEALTH_TOPIC:
+            missing = wire.from_json(Health, data).frames - self.since_start
+            if missing > 0:
+                raise ValueError(f"{missing} frames of it were not recorded")
+        else:
+            self.after_last += 1
+            kind = _SHOWN_TOPICS.get(topic)
+            if kind is not None:
+                self.shown.append(wire.from_json(kind, data))
+
+
+def _read(files: Sequence[Path]) -> Unfinished:
+    """All that is to be known of the run in `files`. Raises `_Ended` where it has ended by itself.
+
+    Raises InputError where it is damaged inside or lacks frames, so that no core can be brought back exactly to where it was.
+    """
+    tally = _Tally()
+    topics: Collection[str] = (DETECTIONS_TOPIC, *EVENT_TOPICS.values())
+    for path in files:
+        head = read_head(path)
+        if head.previous is None or head.previous == head.header.resumed_from:
+            tally.since_start = 0
+        _read_file(path, topics, tally)
+    if tally.first is None or tally.last is None:
+        raise InputError(f"{files[-1]}: it was cut short before its first frame was saved")
+    first, last = (wire.from_json(FrameDetections, text) for text in (tally.first, tally.last))
+    return Unfinished(
+        files=tuple(files),
+        first_t_ns=first.t_ns,
+        last_t_ns=last.t_ns,
+        frames=tally.frames,
+        last_sequence=last.sequence,
+        shown=tuple(tally.shown),
+        after_last=tally.after_last,
+    )
+
+
+def _read_file(path: Path, topics: Collection[str], tally: _Tally) -> None:
+    reader = LinearReader(path, topics=topics)
+    try:
+        for record in reader.records():
+            if isinstance(record, Message) and (topic := reader.tally.topic(record.channel_id)) is not None:
+                tally.take(topic, record.data)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"{path}: {error}") from error
+    if reader.damage is not None and not reader.damage.truncated:
+        raise InputError(f"{path}: it is damaged inside ({reader.damage.reason})")
