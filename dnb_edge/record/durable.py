@@ -8,6 +8,7 @@ errors of 2018); the file is given up as it stands and what had been synced befo
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -126,6 +127,12 @@ class DurableFile:
     def abandon(self) -> None:
         """Stop writing and leave the `.part` as it is."""
         self._close()
+
+    def discard(self) -> None:
+        """Stop writing and remove the file, where it can be removed: for one that never held anything."""
+        self._close()
+        with contextlib.suppress(OSError):
+            self.path.unlink(missing_ok=True)
 
     def _fail(self, error: OSError) -> None:
         if self.failure is None:

@@ -43,3 +43,15 @@ def recovered_name(damaged: Path) -> Path:
         wanted = damaged.with_name(f"{stem}-recovered{'' if number == 1 else f'-{number}'}.mcap")
         number += 1
     return wanted
+
+
+def pictures_directory(recording: Path) -> Path:
+    """Where the pictures of `recording` lie that are not in its own file, whether it is finished or not."""
+    return recording.with_name(f"{recording.name.removesuffix(PART_SUFFIX).removesuffix('.mcap')}.pictures")
+
+
+def pictures_files(recording: Path) -> list[Path]:
+    """The files in `pictures_directory`, oldest first; none where there is no such directory."""
+    place = pictures_directory(recording)
+    found = [*place.glob("*.mcap"), *place.glob(f"*.mcap{PART_SUFFIX}")] if place.is_dir() else []
+    return sorted(found)

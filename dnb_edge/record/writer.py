@@ -1,8 +1,8 @@
 """The recorder: takes frames, detections and events from the race and brings them to disk in a thread of its own.
 
-Knows the MCAP writer, the queue and the rhythm of flushing. The race never waits for the disk (unless the source can,
-`lossless`) and never hears an exception from it: errors become `health().state`, and `close` tells them. "Saved" is
-said only of what fdatasync has acknowledged.
+Knows the queue and what the race may ask; what happens on the other side of the queue is the `Scribe`'s. The race never waits
+for the disk (unless the source can, `lossless`) and never hears an exception from it: errors become `health().state`, and
+`close` tells them. "Saved" is said only of what fdatasync has acknowledged.
 """
 
 from __future__ import annotations
@@ -10,42 +10,22 @@ from __future__ import annotations
 import errno
 import os
 import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import foxglove
-from foxglove.mcap import MCAPCompression, MCAPWriteOptions, MCAPWriter
-from foxglove.messages import LogLevel
-
 from dnb_edge.errors import InputError, WorkError
-from dnb_edge.record import names
-from dnb_edge.record.channels import ImageNote, RunChannels, TrackScene
-from dnb_edge.record.durable import DurableFile
-from dnb_edge.record.header import LOSS_METADATA_NAME, METADATA_NAME, SETUP_NAME, RunHeader
+from dnb_edge.record.channels import TrackScene
+from dnb_edge.record.header import RunHeader
 from dnb_edge.record.mailbox import Mailbox, Rank
-from dnb_edge.values import (
-    Crossing,
-    Event,
-    Frame,
-    FrameDetections,
-    Health,
-    Incident,
-    Lap,
-    Observation,
-    RaceState,
-    Running,
-    RunSummary,
-    Score,
-    Standings,
-    Target,
-)
+from dnb_edge.record.room import Statvfs
+from dnb_edge.record.runfile import FileSpec, Item, LogLine, error_words
+from dnb_edge.record.scribe import Plan, Scribe
+from dnb_edge.values import Event, Frame, FrameDetections, Observation, Running, Target
 
-BATCH = 64
+DISK_ERRORS = frozenset({errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EROFS})
+"""What a disk says that is full, broken or read-only; anything else is a wrong choice of directory."""
+
 _ADVICE = "run `dnb-edge runs recover` on it"
-WRITE_ERRORS = (OSError, RuntimeError, ValueError, TypeError, OverflowError, cv2.error)
-"""What foxglove-sdk (RuntimeError), JSON (ValueError, TypeError), OpenCV and the system can say while we write."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +45,20 @@ class RecordingSettings:
     queue_pictures: int = 8
     lossless: bool = False
     """True where the producer may wait for the disk (files, the simulator); False for live cameras."""
+    fallback: tuple[Path, ...] = ()
+    """Directories to go on in where the disk of `directory` fails, in their order; one that is not there is passed over."""
+    keep_free_bytes: int = 0
+    """Room to leave on the disk, at most a tenth of it: below it pictures stop, below half of it telemetry; laps never do."""
+    max_total_bytes: int | None = None
+    """Of all recordings in the directory; None for no limit."""
+    prune: bool = False
+    """True to delete the oldest recordings, pictures first, where there is less room than these two want."""
+    image_ring_bytes: int | None = None
+    """Bytes of the ring of pictures beside the recording; None to keep them all in the recording itself."""
+    rotate_s: float | None = None
+    """Time after which the recording goes on in another file, behind the end of the next lap; None for one file."""
+    start_anyway: bool = False
+    """True to start though no disk can be written to, and to try again later: for a race that nobody watches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,59 +76,57 @@ class RecorderHealth:
     lost_messages: int
     """Detections, observations and targets that found no room; such a recording cannot be scored again exactly."""
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _LogLine:
-    message: str
-    t_ns: int | None
-
-
-_Item = Frame | FrameDetections | Event | _LogLine
+    saved_laps: int = 0
+    """Laps that a disk has acknowledged."""
 
 
 class Recorder:
     """One recording, from its header to its final name. Methods may be called from several threads."""
 
-    def __init__(self, settings: RecordingSettings, header: RunHeader, scene: TrackScene | None = None) -> None:
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        header: RunHeader,
+        scene: TrackScene | None = None,
+        *,
+        statvfs: Statvfs = os.statvfs,
+    ) -> None:
         """Create the file and bring its header to the disk.
 
-        Raises InputError where the directory cannot be used, WorkError where the disk fails at once.
+        Raises InputError where the directory cannot be used, WorkError where the disk fails at once; the latter not
+        where the settings say to start anyway.
         """
         self._settings = settings
-        setup_text = header.to_json()
-        self._file = _create(settings.directory)
-        # Kept for as long as the channels: they close, and log to nowhere without an error, when it is collected.
-        self._context = foxglove.Context()
-        options = MCAPWriteOptions(
-            compression=MCAPCompression.Zstd,
-            compression_level=1,
-            compression_threads=0,
-            chunk_size=settings.chunk_size_bytes,
-            # Without seeking a crash leaves a clean end, not a chunk that claims 2**64 - 1 bytes.
-            disable_seeking=True,
+        spec = FileSpec(
+            setup_text=header.to_json(),
+            metadata=header.metadata(),
+            scene=scene,
+            annotate=settings.image_fps is not None,
+            jpeg_quality=settings.jpeg_quality,
+            chunk_size_bytes=settings.chunk_size_bytes,
         )
-        self._mcap: MCAPWriter = foxglove.open_mcap(self._file, context=self._context, writer_options=options)
-        self._mcap.attach(
-            log_time=0, create_time=0, name=SETUP_NAME, media_type="application/json", data=setup_text.encode()
+        plan = Plan(
+            directory=settings.directory,
+            fallback=settings.fallback,
+            sync_period_s=settings.sync_period_s,
+            keep_free_bytes=settings.keep_free_bytes,
+            max_total_bytes=settings.max_total_bytes,
+            prune=settings.prune,
+            rotate_s=settings.rotate_s,
+            image_ring_bytes=settings.image_ring_bytes,
         )
-        self._mcap.write_metadata(METADATA_NAME, header.metadata())
-        self._mcap.flush()
-        if not self._file.sync_new():
-            raise WorkError(f"{self._file.path}: cannot record: {_words(self._file.failure)}")
-        self._channels = RunChannels(self._context, scene, images=settings.image_fps is not None)
-        self._mail: Mailbox[_Item] = Mailbox(capacity=settings.queue_messages, picture_capacity=settings.queue_pictures)
+        self._mail: Mailbox[Item] = Mailbox(capacity=settings.queue_messages, picture_capacity=settings.queue_pictures)
+        self._scribe = Scribe(plan, spec, self._mail, statvfs=statvfs)
         self._image_due_ns: int | None = None
-        self._last_t_ns = 0
-        self.progress = 0
-        """Rounds of the writer's thread, one a second at least while the disk answers, with or without anything to write."""
-        self._saved = threading.Condition()
-        self._saved_ticket = 0
-        self._wanted_ticket = 0
-        self._reason: str | None = None
-        self._finished = False
-        self._keep_part = False
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        try:
+            self._scribe.open_first()
+        except OSError as error:
+            broken = error.errno in DISK_ERRORS
+            if not (broken and settings.start_anyway):
+                kind = WorkError if broken else InputError
+                raise kind(f"{settings.directory}: cannot record there: {error_words(error)}") from error
+            self._scribe.start_without(error)
+        self._thread = threading.Thread(target=self._scribe.run, name="recorder", daemon=True)
         self._thread.start()
 
     def add_frame(self, frame: Frame) -> None:
@@ -164,52 +156,59 @@ class Recorder:
 
     def add_log(self, message: str, t_ns: int | None = None) -> None:
         """One warning for the log panel, at `t_ns` or else at the last stamp recorded."""
-        self._mail.put(_LogLine(message=message, t_ns=t_ns), Rank.VITAL, wait=False)
+        self._mail.put(LogLine(message=message, t_ns=t_ns), Rank.VITAL, wait=False)
 
     def is_saved(self, ticket: int | None) -> bool:
         """True once the disk has acknowledged what `ticket` stands for."""
-        with self._saved:
-            return ticket is not None and ticket <= self._saved_ticket
+        return self._scribe.acks.is_saved(ticket)
 
     def wait_saved(self, ticket: int | None = None, timeout_s: float = 5.0) -> bool:
-        """Wait until `ticket`, or else everything accepted so far, is saved; False after `timeout_s` or a failure."""
+        """Wait until `ticket`, or else the last one given out, is saved; False after `timeout_s` or a failure."""
         wanted = self._mail.last_ticket if ticket is None else ticket
-        self._wanted_ticket = max(self._wanted_ticket, wanted)
+        self._scribe.wanted_ticket = max(self._scribe.wanted_ticket, wanted)
         self._mail.hurry()
-        with self._saved:
-            done = self._saved.wait_for(lambda: self._saved_ticket >= wanted or self._ended(), timeout_s)
-            return done and self._saved_ticket >= wanted
+        return self._scribe.acks.wait(wanted, timeout_s, lambda: self._scribe.ended)
 
     def health(self) -> RecorderHealth:
         """How the recording is doing, at once."""
-        warnings = []
+        scribe = self._scribe
+        lost = scribe.lost + self._mail.lost
+        warnings = [*scribe.warnings]
         if self._mail.lost:
             warnings.append(f"{self._mail.lost} messages not recorded: the disk cannot keep up")
+        if scribe.lost:
+            warnings.append(f"{scribe.lost} messages not recorded: the disk failed or was nearly full")
         if self._mail.dropped_pictures:
             warnings.append(f"{self._mail.dropped_pictures} pictures not recorded: the disk cannot keep up")
-        if self._reason is not None:
-            warnings.append(f"recording failed: {self._reason}")
+        if scribe.reason is not None:
+            warnings.append(f"recording failed: {scribe.reason}")
         return RecorderHealth(
             state=self.state,
-            reason=self._reason,
+            reason=scribe.reason,
             path=self.path,
             queued=len(self._mail),
-            dropped_images=self._mail.dropped_pictures,
-            lost_messages=self._mail.lost,
+            dropped_images=self._mail.dropped_pictures + scribe.lost_pictures,
+            lost_messages=lost,
             warnings=tuple(warnings),
+            saved_laps=scribe.saved_laps,
         )
 
     @property
     def state(self) -> str:
-        """`recording`, `failed` or `closed`."""
-        if self._reason is not None:
+        """`recording`, `failed` or `closed`. One that failed tries again until it is closed."""
+        if self._scribe.reason is not None:
             return "failed"
         return "closed" if not self._thread.is_alive() else "recording"
 
     @property
+    def progress(self) -> int:
+        """Grows every second while the writer's thread lives and the disk answers: for the watchdog."""
+        return self._scribe.progress
+
+    @property
     def path(self) -> Path:
-        """The file as it is called now."""
-        return self._file.path
+        """The file as it is called now; the last one where there were several."""
+        return self._scribe.path
 
     def close(self, timeout_s: float | None = None) -> Path:
         """Write what waits, finish the file and give it its final name. May be called again.
@@ -221,133 +220,14 @@ class Recorder:
         self._thread.join(timeout_s)
         if self._thread.is_alive():
             raise WorkError(f"{self.path}: the disk does not answer; what was saved is in the file, {_ADVICE}")
-        if self._reason is not None:
-            raise WorkError(f"{self.path}: recording failed: {self._reason}; what was saved is in the file, {_ADVICE}")
+        if self._scribe.reason is not None:
+            raise WorkError(
+                f"{self.path}: recording failed: {self._scribe.reason}; what was saved is in the file, {_ADVICE}"
+            )
         return self.path
 
     def abandon(self) -> None:
         """Stop now and leave the `.part` with what was saved; what waits is thrown away."""
-        self._keep_part = True
+        self._scribe.keep_part = True
         self._mail.close(discard=True)
         self._thread.join()
-
-    def _run(self) -> None:
-        """Body of the recorder's thread."""
-        try:
-            self._write_all()
-            if not self._keep_part and self._file.failure is None:
-                self._finish()
-            if self._file.failure is not None:
-                self._reason = _words(self._file.failure)
-        except WRITE_ERRORS as error:
-            self._reason = _words(error)
-        finally:
-            # Whatever stopped the thread, nobody may wait for it any more, and a half-written file keeps its `.part`.
-            if not self._finished and self._reason is None and not self._keep_part:
-                self._reason = "the recorder stopped unexpectedly"
-            self._file.abandon()
-            self._mail.close(discard=True)
-            with self._saved:
-                self._saved.notify_all()
-
-    def _write_all(self) -> None:
-        next_sync_s = time.monotonic() + self._settings.sync_period_s
-        written, synced = 0, 0
-        while True:
-            self.progress += 1
-            batch = self._mail.take(BATCH, max(0.0, next_sync_s - time.monotonic()))
-            if batch is None:
-                return
-            for ticket, item in batch:
-                self._write(item)
-                written = ticket
-            urgent = any(isinstance(item, Lap | Score | RunSummary) for _, item in batch)
-            urgent = urgent or written >= self._wanted_ticket > synced
-            if urgent or time.monotonic() >= next_sync_s:
-                if written > synced:
-                    self._sync(written)
-                    synced = written
-                next_sync_s = time.monotonic() + self._settings.sync_period_s
-            if self._file.failure is not None:
-                return
-
-    def _write(self, item: _Item) -> None:
-        match item:
-            case Frame():
-                self._last_t_ns = max(self._last_t_ns, item.t_ns)
-                self._write_image(item)
-            case FrameDetections():
-                self._last_t_ns = max(self._last_t_ns, item.t_ns)
-                self._channels.draw_track(item.t_ns)
-                self._channels.detections(item)
-            case _LogLine():
-                when_ns = self._last_t_ns if item.t_ns is None else item.t_ns
-                self._channels.log(item.message, when_ns, level=LogLevel.Warning)
-            case _:
-                self._channels.event(item, _event_t_ns(item, self._last_t_ns))
-
-    def _write_image(self, frame: Frame) -> None:
-        if frame.bgr is None:
-            jpeg = frame.jpeg or b""
-        else:
-            done, encoded = cv2.imencode(".jpg", frame.bgr, [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality])
-            if not done:
-                raise ValueError(f"frame {frame.sequence} cannot be encoded as JPEG")
-            jpeg = encoded.tobytes()
-        note = ImageNote(
-            sequence=frame.sequence,
-            t_ns=frame.t_ns,
-            stamp_source=frame.stamp_source,
-            width_px=frame.width_px,
-            height_px=frame.height_px,
-        )
-        self._channels.image(note, jpeg)
-
-    def _sync(self, ticket: int) -> None:
-        self._mcap.flush()
-        if self._file.sync():
-            with self._saved:
-                self._saved_ticket = ticket
-                self._saved.notify_all()
-
-    def _finish(self) -> None:
-        if self._mail.lost or self._mail.dropped_pictures:
-            loss = {"messages": str(self._mail.lost), "pictures": str(self._mail.dropped_pictures)}
-            self._mcap.write_metadata(LOSS_METADATA_NAME, loss)
-        self._mcap.close()
-        if self._file.finish():
-            self._finished = True
-            with self._saved:
-                self._saved_ticket = self._mail.last_ticket
-
-    def _ended(self) -> bool:
-        return self._reason is not None or self._finished or self._keep_part
-
-
-def _create(directory: Path) -> DurableFile:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        return names.create_next(directory, names.boot_tag())
-    except OSError as error:
-        if error.errno in {errno.ENOSPC, errno.EIO, errno.EDQUOT}:
-            raise WorkError(f"{directory}: cannot record: {_words(error)}") from error
-        raise InputError(f"{directory}: cannot record there: {_words(error)}") from error
-
-
-def _event_t_ns(event: Event, last_t_ns: int) -> int:
-    """The event's own stamp; for those that have none, the last frame's."""
-    match event:
-        case Observation() | Target() | Crossing() | Health() | Running() | RaceState() | Standings():
-            return event.t_ns
-        case Lap() | Incident():
-            return event.end_t_ns
-        case Score() | RunSummary():
-            return last_t_ns
-
-
-def _words(error: BaseException | None) -> str:
-    if isinstance(error, OSError) and error.errno is not None:
-        if error.errno == errno.ENOSPC:
-            return "the disk is full"
-        return os.strerror(error.errno).lower()
-    return str(error)
