@@ -18,7 +18,7 @@ from dnb_edge.values import Event, FrameDetections, Lap, Observation, SearchWind
 log = logging.getLogger(__name__)
 
 YIELD_FRAMES = 4
-"""After so many frames other threads may go on: they wait half a millisecond, where the interpreter would let them wait five."""
+"""After so many frames other threads may go on: half a millisecond, where the interpreter would let them wait for five."""
 
 
 class ResumedCore:
@@ -73,6 +73,10 @@ class ResumedCore:
             self._scout.step(found)
             return []
         return self._caught_up()
+
+    def wait(self) -> None:
+        """Waits until the saved frames have been raced, or the race was stopped."""
+        self._thread.join()
 
     def windows(self, t_ns: int) -> tuple[SearchWindow, ...]:
         """As `Core.windows`."""

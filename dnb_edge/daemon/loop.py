@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge, PictureLimits
 from dnb_edge.core import Core
+from dnb_edge.daemon.catchup import ResumedCore
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.machine import MachineState
 from dnb_edge.daemon.meter import Meter
@@ -56,7 +57,7 @@ class Race:
     info: SourceInfo
     feed: FrameFeed
     detector: Detector
-    core: Core
+    core: Core | ResumedCore
     meter: Meter
     sinks: Sequence[Sink]
     displays: Sequence[Display]

@@ -43,6 +43,8 @@ class Meter:
     view_sigma_m: float | None = None
     standing_warnings: tuple[str, ...] = ()
     """What is wrong all the time, such as a calibration that is too poor to score with."""
+    first_t_ns: int | None = None
+    """Stamp of the race's first frame; None before that is known."""
     frames: int = 0
     detected_frames: int = 0
     dropped_frames: int = 0
@@ -57,7 +59,6 @@ class Meter:
     """How far the camera is known to have moved over the track, metres."""
     view_warning: str | None = None
     """The same in words."""
-    _first_t_ns: int | None = None
     _last: Frame | None = None
     _period_t_ns: int = 0
     _period_frames: int = 0
@@ -72,7 +73,8 @@ class Meter:
     def frame(self, frame: Frame) -> None:
         """Counts one frame that is raced, and those that the source lost before it."""
         if self._last is None:
-            self._first_t_ns = self._period_t_ns = frame.t_ns
+            self.first_t_ns = frame.t_ns if self.first_t_ns is None else self.first_t_ns
+            self._period_t_ns = frame.t_ns
         else:
             # After a camera came back its counter starts anew: no gap can be told from it.
             self.dropped_frames += max(0, frame.sequence - self._last.sequence - 1)
@@ -127,7 +129,7 @@ class Meter:
         moved = () if self.view_warning is None else (self.view_warning,)
         health = Health(
             t_ns=t_ns,
-            t_s=(t_ns - (self._first_t_ns or 0)) * 1e-9,
+            t_s=(t_ns - (self.first_t_ns or 0)) * 1e-9,
             frames=self.frames,
             detected_frames=self.detected_frames,
             dropped_frames=self.dropped_frames,

@@ -14,7 +14,7 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,9 @@ class Unfinished:
     def detections(self) -> Iterator[FrameDetections]:
         """What its core was given, frame by frame. Raises ValueError where one is malformed."""
         for path in self.files:
-            for record in LinearReader(path, topics=(DETECTIONS_TOPIC,)).records():
+            # It may have been finished meanwhile, by a recovery that an earlier start has begun.
+            there = path if path.exists() else path.with_name(path.name.removesuffix(PART_SUFFIX))
+            for record in LinearReader(there, topics=(DETECTIONS_TOPIC,)).records():
                 if isinstance(record, Message):
                     yield wire.from_json(FrameDetections, record.data)
 
@@ -125,14 +127,15 @@ def find_unfinished(directory: Path, header: RunHeader, *, now_ns: int, within_s
     return found
 
 
-def recover_aside(parts: Sequence[Path]) -> None:
+def recover_aside(parts: Sequence[Path], wait: Callable[[], None]) -> None:
     """Finishes the files of a run that was cut short, in a process of its own with little priority: it takes seconds an hour.
 
-    Where that does not come about the next start does it; until then they are read as they are.
+    It begins once `wait` has returned. Where it does not come about the next start does it; until then they are read as they are.
     """
     words = ["nice", "-n", "19", sys.executable, "-m", "dnb_edge", "runs", "recover", *map(str, parts)]
 
     def recover() -> None:
+        wait()
         try:
             done = subprocess.run(words, check=False, capture_output=True, text=True, stdin=subprocess.DEVNULL)  # noqa: S603
         except OSError as error:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,10 +64,12 @@ def damaged_files(directory: Path) -> list[Path]:
     return sorted(directory.glob(f"*{PART_SUFFIX}"))
 
 
-def recover_directory(directory: Path) -> list[Recovery | Leftover]:
-    """Recover each `.part` in `directory`; one that fails does not stop the others. Raises InputError."""
+def recover_directory(directory: Path, *, leave: Collection[Path] = ()) -> list[Recovery | Leftover]:
+    """Recover each `.part` in `directory` but those in `leave`; one that fails does not stop the others. Raises InputError."""
     results: list[Recovery | Leftover] = []
     for path in damaged_files(directory):
+        if path in leave:
+            continue
         try:
             results.append(recover_file(path))
         except (InputError, WorkError) as error:

@@ -51,7 +51,7 @@ def test_a_resumed_core_goes_on_as_if_nothing_had_happened(killed: int, share: f
     before = [event for told in TOLD[: killed - 1] for event in told] + list(TOLD[killed - 1][:after_last])
     core = resumed(FRAMES[:killed], after_last, laps_in(before))
     after = [event for found in FRAMES[killed : killed + meanwhile] for event in core.step(found)]
-    core._thread.join()
+    core.wait()
     after += [event for found in FRAMES[killed + meanwhile :] for event in core.step(found)]
     after += core.finish()
     whole = [event for told in TOLD for event in told] + list(LAST)
@@ -83,7 +83,7 @@ def test_frames_that_come_meanwhile_wait_and_the_detector_is_told_where_to_look(
     assert core.notes() == ("going on with r, which was cut short: its frames are being raced again",)
     assert not core.caught_up
     saved.go.set()
-    core._thread.join()
+    core.wait()
     assert tuple(core.step(FRAMES[90])) == tuple(event for told in TOLD[60:91] for event in told)
     assert core.caught_up
 
@@ -100,7 +100,7 @@ def test_a_stop_does_not_wait_for_the_earlier_run() -> None:
 def test_laps_that_come_out_otherwise_are_told_of() -> None:
     """Where the saved laps are not those of the saved detections, a note says so in every Health."""
     core = resumed(FRAMES[:120], 0, [])
-    core._thread.join()
+    core.wait()
     core.step(FRAMES[120])
     assert "other laps" in core.notes()[0]
 
@@ -108,6 +108,6 @@ def test_laps_that_come_out_otherwise_are_told_of() -> None:
 def test_what_fails_in_the_thread_is_raised_in_the_race() -> None:
     """A malformed saved frame ends the run with its own error, not with a hang."""
     core = resumed((FRAMES[1], FRAMES[0]), 0, [])
-    core._thread.join()
+    core.wait()
     with pytest.raises(ValueError, match="is not later than"):
         core.step(FRAMES[2])
