@@ -22,7 +22,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train aarch64-check lock clean
+.PHONY: help demo test lint format train aarch64-check system-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
@@ -58,6 +58,11 @@ aarch64-check: .venv/.test-installed ## The model's answers and the race's numbe
 	@$(BIN)/python tests/system/aarch64_output.py $(AARCH64_FLAGS)
 	$(call say,tests/system/aarch64_core.py)
 	@$(BIN)/python tests/system/aarch64_core.py $(AARCH64_FLAGS)
+
+system-test: .venv/.test-installed ## The appliance in a virtual machine with a played USB webcam: races and faults (Linux, root, qemu; 25 minutes)
+	$(call say,pytest tests/system)
+	@$(BIN)/pytest -n 0 -v -p no:cacheprovider -o log_cli=true -o log_cli_level=INFO -o log_cli_format='%(asctime)s %(message)s' \
+	    -o log_cli_date_format=%H:%M:%S --durations=0 $(PYTEST_FLAGS) tests/system
 
 lock: ## Resolve all dependencies anew into constraints.txt
 	@.ci/lock
