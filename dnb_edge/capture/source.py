@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 
+from dnb_edge.capture.libcamera import LibcameraSource
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.simulated import SimulatedSource, parse_simulator_uri
 from dnb_edge.capture.v4l2 import V4l2Source
@@ -55,7 +56,7 @@ def open_source(
     scheme, colon, rest = uri.partition(":")
     if scheme == "sim" and colon:
         return SimulatedSource(uri, parse_simulator_uri(uri))
-    if scheme in ("v4l2", "file", "mcap") and not rest:
+    if scheme in ("v4l2", "libcamera", "file", "mcap") and not rest:
         raise InputError(f"{uri or 'source'}: names no device or file: write one of {', '.join(KNOWN_SCHEMES)}")
     path = Path(rest).expanduser()
     if scheme == "file":
@@ -67,5 +68,5 @@ def open_source(
     if scheme == "mcap":
         raise InputError(f"{uri}: recordings cannot be opened as a source here")
     if scheme == "libcamera":
-        raise InputError(f"{uri}: libcamera cameras are not supported yet: use v4l2:/dev/video0 for a USB camera")
+        return LibcameraSource(uri, settings if settings is not None else CaptureSettings())
     raise InputError(f"{uri or 'source'}: unknown kind of source: write one of {', '.join(KNOWN_SCHEMES)}")

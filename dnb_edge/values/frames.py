@@ -52,9 +52,9 @@ class CameraControl:
 
     name: str
     """The driver's name of it, such as `exposure_time_absolute`."""
-    asked: int
-    """In the driver's own units."""
-    taken: int | None
+    asked: float
+    """In the driver's own units; V4L2's are whole numbers."""
+    taken: float | None
     """The same, read back; None where the camera does not tell."""
 
 
@@ -102,6 +102,8 @@ class Frame:
     jpeg: bytes | None = None
     """The JPEG bytes as the camera sent them."""
     bgr: BgrImage | None = None
+    arrived_ns: int | None = None
+    """When a camera's frame came out of its driver, ns of CLOCK_MONOTONIC; None for files and the simulator."""
 
     def __post_init__(self) -> None:
         if (self.jpeg is None) == (self.bgr is None):

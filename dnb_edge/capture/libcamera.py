@@ -1,0 +1,250 @@
+"""A camera through libcamera: a Raspberry Pi's own cameras, and USB cameras too; the newest frame first.
+
+Knows one camera of the process's one camera manager, whose finished requests come all in one queue: one source at a time.
+Bad set-up raises `InputError`, a camera that goes away while it runs raises `TemporaryFault`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import select
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
+from dnb_edge.capture.libcamera_controls import Wish, nominal_fps, taken, to_set
+from dnb_edge.capture.libcamera_pictures import JPEG, MappedBuffer, to_bgr
+from dnb_edge.capture.libcamera_setup import StreamFormat, bindings, configure, find_camera, refusal, start_manager
+from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.errors import TemporaryFault
+from dnb_edge.values import Clock, Frame, LostFrames, SourceInfo
+
+_LOOK_S = 0.25
+"""How often a silent camera is looked for: the bindings have no signal for one that is unplugged."""
+
+
+class LibcameraSource:
+    """One camera, streaming from the moment of opening."""
+
+    def __init__(self, uri: str, settings: CaptureSettings) -> None:
+        """Opens, configures and starts the camera. Raises `InputError` naming the camera and what to do."""
+        self._uri = uri
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._closing = threading.Lock()
+        self._closed = threading.Event()
+        self._last: tuple[int, int] | None = None
+        self._lost: Counter[str] = Counter()
+        self._libcamera: Any = bindings(uri)
+        self._manager: Any = start_manager(uri, self._libcamera)
+        self._camera: Any = None
+        self._allocator: Any = None
+        self._requests: list[Any] = []
+        self._memory: list[MappedBuffer] = []
+        self._queued: set[int] = set()
+        self._running = False
+        self._wake_read, self._wake_write = os.pipe()
+        try:
+            self._camera = find_camera(uri, self._manager)
+            self.info = self._start()
+        except BaseException as error:
+            self._let_go()
+            if isinstance(error, RuntimeError):
+                raise refusal(uri, error) from error
+            raise
+
+    @property
+    def lost(self) -> tuple[LostFrames, ...]:
+        """Frames that were dropped here, by reason."""
+        return tuple(
+            LostFrames(reason=reason, frames=frames) for reason, frames in sorted(self._lost.items()) if frames
+        )
+
+    def frames(self) -> Iterator[Frame]:
+        """The newest frame each time one is asked for, until `close`.
+
+        Raises `TemporaryFault` where the camera is unplugged or falls silent for longer than `stall_timeout_s`.
+        """
+        while True:
+            with self._lock:
+                if self._closed.is_set() or not self._wait():
+                    return
+                frame = self._newest()
+            if frame is not None:
+                yield frame
+
+    def close(self) -> None:
+        """Stop the camera and give it back; safe to repeat and to call from another thread, where it ends `frames`."""
+        with self._closing:
+            if self._closed.is_set():
+                return
+            self._closed.set()
+            os.write(self._wake_write, b"x")
+        with self._lock:
+            self._let_go()
+
+    def _start(self) -> SourceInfo:
+        """Take the camera, set it up and let it run. Raises `InputError`, and `RuntimeError` where libcamera refuses."""
+        camera = self._camera
+        camera.acquire()
+        self._format, self._stream = configure(self._uri, self._libcamera, camera, self._settings)
+        values, asked = to_set(self._uri, self._settings, camera.controls)
+        self._allocator = self._libcamera.FrameBufferAllocator(camera)
+        self._allocator.allocate(self._stream)
+        for cookie, buffer in enumerate(self._allocator.buffers(self._stream)):
+            request = camera.create_request(cookie)
+            request.add_buffer(self._stream, buffer)
+            self._requests.append(request)
+            self._memory.append(MappedBuffer(buffer.planes))
+        camera.start(values)
+        self._running = True
+        # Some pipelines take controls at the start, some (USB cameras) from a request only.
+        for control, value in values.items():
+            self._requests[0].set_control(control, value)
+        for request in self._requests:
+            self._queue(request)
+        model = next((text for key, text in camera.properties.items() if key.name == "Model"), "camera")
+        return SourceInfo(
+            uri=self._uri,
+            width_px=self._format.width,
+            height_px=self._format.height,
+            nominal_fps=nominal_fps(self._settings, camera.controls),
+            clock=Clock.MONOTONIC,
+            live=True,
+            camera_id=camera.id,
+            driver=f"libcamera {self._libcamera.CameraManager.version}: {model}",
+            pixel_format=self._format.four_cc,
+            controls=self._taken(asked),
+        )
+
+    def _taken(self, asked: dict[str, Wish]) -> Any:
+        """What of the controls the camera took, by its first frame, which is waited for where there are any."""
+        metadata: dict[str, Any] = {}
+        if asked and select.select([self._manager.event_fd], [], [], self._settings.stall_timeout_s)[0]:
+            for request in self._finished():
+                metadata = _named(request.metadata)
+                self._again(request)
+        return taken(asked, metadata)
+
+    def _wait(self) -> bool:
+        """Block until a request is finished; False after `close`."""
+        until_s = time.monotonic() + self._settings.stall_timeout_s
+        while True:
+            left_s = until_s - time.monotonic()
+            ready, _, _ = select.select(
+                [self._manager.event_fd, self._wake_read], [], [], max(0.0, min(_LOOK_S, left_s))
+            )
+            if self._closed.is_set():
+                return False
+            if ready:
+                return True
+            if self._is_gone():
+                raise TemporaryFault(f"{self._uri}: the camera is gone")
+            if left_s <= _LOOK_S:
+                raise TemporaryFault(f"{self._uri}: the camera gave no frame for {self._settings.stall_timeout_s:g} s")
+
+    def _is_gone(self) -> bool:
+        """True once libcamera has dropped the camera; one that was plugged in again is another, even by the same name."""
+        return all(camera is not self._camera for camera in self._manager.cameras)
+
+    def _finished(self) -> list[Any]:
+        """This source's finished requests, in order; the bindings give each back once."""
+        own = [
+            request
+            for request in self._manager.get_ready_requests()
+            if any(request is known for known in self._requests) and request.cookie in self._queued
+        ]
+        self._queued.difference_update(request.cookie for request in own)
+        return own
+
+    def _newest(self) -> Frame | None:
+        """Take every finished request, keep the last: the others are old news. None where that one is damaged."""
+        finished = self._finished()
+        arrived = now()
+        if not finished:
+            return None
+        self._lost["overtaken"] += len(finished) - 1
+        read = self._read(finished[-1], arrived)
+        for request in finished:
+            self._again(request)
+        if isinstance(read, Frame):
+            return read
+        self._lost[read] += 1
+        return None
+
+    def _read(self, request: Any, arrived: Moment) -> Frame | str:
+        """The frame in a finished request, or the reason why it is lost."""
+        buffer = request.buffers[self._stream]
+        about = buffer.metadata
+        if about.status != self._libcamera.FrameMetadata.Status.Success:
+            return "damaged"
+        t_ns, stamp_source = stamp_of(_named(request.metadata).get("SensorTimestamp"), about.timestamp, arrived)
+        sequence = int(about.sequence)
+        if self._last is not None:
+            last_t_ns, last_sequence = self._last
+            if t_ns <= last_t_ns:
+                return "stamp"
+            # A few drivers leave the number at 0; a restarted one begins anew.
+            sequence = sequence if sequence > last_sequence else last_sequence + 1
+        planes = self._memory[request.cookie].read([plane.bytes_used for plane in about.planes])
+        shape: StreamFormat = self._format
+        is_jpeg = shape.name == JPEG
+        picture = None if is_jpeg else to_bgr(shape.name, planes, shape.width, shape.height, shape.stride)
+        if not (planes and planes[0]) or (picture is None and not is_jpeg):
+            return "short"
+        self._last = t_ns, sequence
+        return Frame(
+            sequence=sequence,
+            t_ns=t_ns,
+            stamp_source=stamp_source,
+            width_px=shape.width,
+            height_px=shape.height,
+            jpeg=planes[0] if is_jpeg else None,
+            bgr=picture,
+        )
+
+    def _again(self, request: Any) -> None:
+        """Give a finished request back to the camera."""
+        request.reuse()
+        try:
+            self._queue(request)
+        except RuntimeError as error:
+            raise TemporaryFault(f"{self._uri}: the camera is gone ({error})") from error
+
+    def _queue(self, request: Any) -> None:
+        self._camera.queue_request(request)
+        self._queued.add(request.cookie)
+
+    def _let_go(self) -> None:
+        """Stop, and give back all there is, whatever state it is in."""
+        try:
+            if self._running:
+                self._camera.stop()
+        finally:
+            self._running = False
+            self._finished()
+            for request in self._requests:
+                if request.cookie in self._queued:
+                    # For a queued request the bindings hold a reference until it is finished, and those of a camera that
+                    # was unplugged never are: each would keep its buffer's memory, the camera and the manager for ever.
+                    ctypes.pythonapi.Py_DecRef(ctypes.py_object(request))
+            for memory in self._memory:
+                memory.close()
+            self._queued.clear()
+            self._memory.clear()
+            self._requests.clear()
+            self._stream = self._allocator = None
+            if self._camera is not None:
+                self._camera.release()
+            self._camera = self._manager = None
+            os.close(self._wake_read)
+            os.close(self._wake_write)
+
+
+def _named(metadata: Any) -> dict[str, Any]:
+    """The bindings' metadata by the controls' names."""
+    return {control.name: value for control, value in metadata.items()}
