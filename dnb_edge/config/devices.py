@@ -53,8 +53,24 @@ class RecordConfig(BaseModel):
 
     directory: ConfigPath | None = None
     """Where recordings go; none for no recording. The command line's --record wins."""
-    image_fps: Annotated[Number, Field(ge=0)] = 5.0
-    """Pictures per second that are kept; 0 for none."""
+    image_fps: Annotated[Number, Field(ge=0)] | None = None
+    """Pictures per second that are kept; 0 for no pictures, none for 1 of a camera and 5 of a file or the simulator."""
+    image_ring_mb: Annotated[Number, Field(ge=0)] = 2000.0
+    """A camera's pictures lie beside the recording, megabytes at most, and the oldest go; the recording itself holds those of
+    incidents. 0 to keep them all in the recording, which then grows by gigabytes a day. Files and the simulator always do."""
+    fallback: tuple[ConfigPath, ...] = ()
+    """Directories to go on in where the disk of `directory` fails, such as one on a USB stick. They must be there: one that is
+    missing, since its stick is, is passed over."""
+    keep_free_mb: Annotated[Number, Field(ge=0)] = 200.0
+    """Room that recordings leave on the disk, megabytes, but a tenth of the disk at most: below it pictures are no longer
+    recorded, below half of it no detections; laps always are."""
+    max_total_gb: Annotated[Number, Field(gt=0)] | None = None
+    """Most that the recordings in `directory` take together, gigabytes; none for no limit."""
+    delete_oldest: bool = True
+    """Whether old recordings go where these two limits want it, pictures first: only while a camera races, only recordings that
+    still have their own name and no pin; see `dnb-edge runs pin`."""
+    rotate_h: Annotated[Number, Field(gt=0)] | None = 24.0
+    """A camera's recording goes on in another file after so many hours, behind the end of a lap; none for one file."""
 
 
 class DisplayConfig(BaseModel):

@@ -10,10 +10,11 @@ import fcntl
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dnb_edge.errors import InputError, WorkError
+from dnb_edge.record.chain import chain_of, read_head
 from dnb_edge.record.durable import PART_SUFFIX, sync_directory
 from dnb_edge.record.room import Room, Statvfs, room_of
 
@@ -53,7 +54,7 @@ class StoredRun:
     """When the recording was last written to; by the system's clock, which on a small board may be late."""
     pinned: bool
     live: bool
-    """It is being recorded just now."""
+    """It is being recorded just now, or a run that is goes on from it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +79,22 @@ def stored_runs(directory: Path) -> list[StoredRun]:
         if (match := _STEM.match(path.name)) is not None:
             by_name.setdefault(match[1], []).append(path)
     runs = [run for name, paths in by_name.items() if (run := _stored(name, paths)) is not None]
+    going_on = _earlier_files([run for run in runs if run.live])
+    runs = [replace(run, live=run.live or run.name in going_on) for run in runs]
     return sorted(runs, key=lambda run: (run.changed_ns, run.name))
+
+
+def _earlier_files(live: Sequence[StoredRun]) -> set[str]:
+    """Names of the runs that those being recorded go on from: their laps are in the standings."""
+    names: set[str] = set()
+    for run in live:
+        try:
+            earlier = chain_of(read_head(run.files[0])).earlier
+        except InputError:
+            # Just begun: it has no header yet.
+            continue
+        names.update(match[1] for path in earlier if (match := _STEM.match(path.name)) is not None)
+    return names
 
 
 def next_removal(runs: Sequence[StoredRun], limits: Limits, room: Room) -> Removal | None:
@@ -199,15 +215,12 @@ def _without(run: StoredRun, removal: Removal) -> StoredRun | None:
     if not removal.pictures_only:
         return None
     gone = set(removal.files)
-    return StoredRun(
-        name=run.name,
+    return replace(
+        run,
         files=tuple(path for path in run.files if path not in gone),
         pictures=(),
         size_bytes=run.size_bytes - run.pictures_bytes,
         pictures_bytes=0,
-        changed_ns=run.changed_ns,
-        pinned=run.pinned,
-        live=run.live,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -37,11 +38,11 @@ def good(tmp_path: Path) -> Path:
 def test_defaults_fill_what_the_file_leaves_out(good: Path) -> None:
     """A short file is a whole configuration."""
     config = load_config(good)
-    assert (config.race.laps, config.race.min_lap_s, config.score.metric, config.record.image_fps) == (
+    assert (config.race.laps, config.race.min_lap_s, config.score.metric, config.record.keep_free_mb) == (
         3,
         2.0,
         "dtw",
-        5.0,
+        200.0,
     )
 
 
@@ -122,6 +123,26 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
         ("name: a car", "name: 2024-13-45\ncolour: red", "line 2: colour: unknown key"),
         ("name: a car", "? [a, b]\n: 1", "line 1: a key must be a word"),
         ("name: a car", "name: &x [*x]", "nested too deeply, or within itself"),
+        ("name: a car", "name: " + "[" * 200_000, "line 1: not valid YAML: nested too deeply"),
+        (
+            "name: a car",
+            "a: &a [0, 0, 0, 0, 0, 0, 0, 0]\n"
+            + "\n".join(
+                f"{b}: &{b} [*{a}, *{a}, *{a}, *{a}, *{a}, *{a}, *{a}, *{a}]" for a, b in pairwise("abcdefghij")
+            ),
+            "not valid YAML: more than 100000 values",
+        ),
+        (
+            "name: a car",
+            "a: &a {x: 0}\n"
+            + "\n".join(f"{b}: &{b} {{<<: [*{a}, *{a}, *{a}, *{a}]}}" for a, b in pairwise("abcdefghijklm")),
+            "not valid YAML: more than 100000 values",
+        ),
+        ("name: a car", "name: " + "x" * 4_000_000, "not valid YAML: longer than 4000000 characters"),
+        ("name: a car", "name: !!int x", "not valid YAML: a value is not what its tag or its form says it is"),
+        ("name: a car", "name: !!bool x", "not valid YAML: a value is not what its tag or its form says it is"),
+        ("name: a car", "name: !!timestamp x", "not valid YAML: a value is not what its tag or its form says it is"),
+        ("name: a car", "name: " + "1" * 5000, "not valid YAML: a value is not what its tag or its form says it is"),
     ],
 )
 def test_each_mistake_names_file_line_and_key(good: Path, find: str, replace: str, says: str) -> None:
