@@ -12,7 +12,7 @@ import yaml
 from pydantic import BaseModel, Field, ValidationError
 
 from dnb_edge.config.sections import STRICT, Number, Whole
-from dnb_edge.config.text import ConfigLoader
+from dnb_edge.config.text import plain
 from dnb_edge.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -54,7 +54,7 @@ def read_mapping(path: Path, *, what: str, remedy: str) -> dict[str, Any]:
     try:
         # A BOM is what some editors put before any text.
         text = path.read_text(encoding="utf-8-sig")
-        data = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
+        data = plain(text)
     except OSError as error:
         raise InputError(f"{path}: cannot read the {what} ({error.strerror or error}): check the path") from error
     except UnicodeDecodeError as error:
@@ -64,8 +64,6 @@ def read_mapping(path: Path, *, what: str, remedy: str) -> dict[str, Any]:
         where = f", line {mark.line + 1}" if mark else ""
         why = getattr(error, "problem", None) or error
         raise InputError(f"{path}{where}: not a {what}, not valid YAML ({why}): {remedy}") from error
-    except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a {what}, not plain YAML ({error}): {remedy}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path}: not a {what}: {remedy}")
     return data

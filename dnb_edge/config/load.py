@@ -16,7 +16,7 @@ from dnb_edge.config.faults import explain
 from dnb_edge.config.paths import CommandLineText
 from dnb_edge.config.rules import NoSuchRules, RuleSet, load_rule_set, with_rules
 from dnb_edge.config.schema import DEFAULT_RULES, Config
-from dnb_edge.config.text import ConfigLoader, KeyPath, parse_lines
+from dnb_edge.config.text import KeyPath, parse_lines, plain
 from dnb_edge.errors import InputError
 
 _RULES: KeyPath = ("rules",)
@@ -92,7 +92,7 @@ def parse_override(override: str) -> tuple[KeyPath, Any]:
     if not equals or not all(path):
         raise InputError(f"--set {override}: must have the form key.path=value, such as race.laps=3")
     try:
-        value = yaml.load(text, Loader=ConfigLoader)  # noqa: S506 a safe loader
+        value = plain(text)
     except yaml.YAMLError as error:
         raise InputError(f"--set {override}: the value is not valid YAML") from error
     return path, CommandLineText(value) if isinstance(value, str) else value

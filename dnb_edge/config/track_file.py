@@ -31,7 +31,7 @@ from pydantic import BaseModel, ValidationError
 
 from dnb_edge.config.document import first_fault
 from dnb_edge.config.sections import STRICT, Number
-from dnb_edge.config.text import ConfigLoader
+from dnb_edge.config.text import plain
 from dnb_edge.errors import InputError
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.layout import NamedLine, laid_out
@@ -53,12 +53,6 @@ _HEAD = """\
 # and delete its `m` (metres); cars drive to the left of the way from its first end to its second.
 """
 
-
-class _TrackLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The configuration's YAML, read by libyaml where there is one: a track has thousands of numbers."""
-
-
-_TrackLoader.yaml_implicit_resolvers = ConfigLoader.yaml_implicit_resolvers
 
 Pair: TypeAlias = tuple[Number, Number]
 
@@ -184,7 +178,7 @@ def _document(path: Path) -> dict[str, Any]:
     document: Any = None
     try:
         # JSON's 1e-05 is text to YAML 1.1; files of version 1 are JSON.
-        document = json.loads(text) if text.startswith("{") else yaml.load(text, Loader=_TrackLoader)  # noqa: S506 safe
+        document = json.loads(text) if text.startswith("{") else plain(text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""

@@ -27,6 +27,10 @@ MAGIC = b"\x89MCAP0\r\n"
 MAX_RECORD_BYTES = 256 * 1024 * 1024
 MAX_CHUNK_BYTES = 64 * 1024 * 1024
 """Decompressed. Our own chunks hold 256 KiB and at most one message more."""
+MAX_CHUNK_RECORDS = 100_000
+"""In one chunk: 256 KiB hold 8,500 of the shortest messages; a few kilobytes of compressed nothing would hold millions."""
+MAX_NOTE_BYTES = 1024 * 1024
+"""Of a schema, a channel or metadata: what they hold takes many times its size in memory. Ours have a few kilobytes."""
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -40,6 +44,8 @@ _READERS: dict[int, Callable[[ReadDataStream], Record]] = {
     Opcode.ATTACHMENT: Attachment.read,
     Opcode.METADATA: Metadata.read,
 }
+
+_NOTES = frozenset({Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA})
 
 _PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError)
 """What the stock parsers raise on garbage; UnicodeDecodeError is a ValueError."""
@@ -198,6 +204,10 @@ class LinearReader:
 
 def _parse(opcode: int, body: bytes) -> Record | None:
     """The record, or None where its kind only serves those who jump about in the file."""
+    if opcode in _NOTES and len(body) > MAX_NOTE_BYTES:
+        raise _BadRecord(
+            f"a record of kind {opcode} has {len(body)} bytes, more than the {MAX_NOTE_BYTES} that are read"
+        )
     try:
         if opcode == Opcode.MESSAGE:
             return _message(body)
@@ -241,8 +251,11 @@ def _chunk_records(chunk: Chunk, tally: Tally) -> Iterator[Record]:
     content = _decompress(chunk)
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
         raise _BadRecord("a chunk's checksum is wrong")
-    offset, end = 0, len(content)
+    offset, end, count = 0, len(content), 0
     while offset < end:
+        count += 1
+        if count > MAX_CHUNK_RECORDS:
+            raise _BadRecord(f"a chunk has more than the {MAX_CHUNK_RECORDS} records that are read")
         start = offset + _HEAD.size
         if start > end:
             raise _BadRecord("a chunk ends in the middle of a record")

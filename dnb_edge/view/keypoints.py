@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tokenize import TokenError
 from typing import Self
 
 import numpy as np
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 
 from dnb_edge.errors import InputError
 from dnb_edge.values import PointPx, Points
+
+MOST_POINTS = 1000
+"""Each is left out once to see whether the others still fix the map: the time for it grows with their square."""
 
 _FEWEST = 4
 _THIN_RATIO = 0.01
@@ -96,16 +100,20 @@ def load_npy_pairs(camera: Path, twin: Path) -> KeypointPairs:
 
 def _load_points(path: Path) -> Points:
     try:
-        array: NDArray[np.generic] = np.load(path, allow_pickle=False)
+        # Mapped, since otherwise memory is taken for what the head claims, before it is found out that it is not there.
+        array: NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError as error:
         raise InputError(f"{path}: cannot read the keypoints ({error.strerror or error}): check the path") from error
-    except (ValueError, EOFError) as error:
+    except (ValueError, EOFError, TypeError, OverflowError, RecursionError, MemoryError, TokenError) as error:
+        # The head is a Python literal, and NumPy lets out whatever Python says of one that is none.
         raise InputError(f"{path}: not a .npy file of numbers: save the keypoints with numpy.save") from error
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "iuf":
         raise InputError(f"{path}: holds no array of numbers: save the keypoints with numpy.save, shape (n, 2)")
     if array.ndim != 2 or array.shape[1] != 2:
         raise InputError(f"{path}: keypoints of shape {array.shape}: it must be (n, 2), one row (u, v) for each point")
-    return array.astype(np.float64)
+    if len(array) > MOST_POINTS:
+        raise InputError(f"{path}: {len(array)} keypoints: {MOST_POINTS} are enough for any camera")
+    return np.array(array, dtype=np.float64)
 
 
 def _check(points: tuple[PointPx, ...], names: tuple[str, ...], where: str) -> None:
