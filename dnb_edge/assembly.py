@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -329,8 +329,9 @@ def make_source(uri: str, config: Config | None) -> FrameSource:
     """The source at `uri`, open; a camera is asked for what the configuration says."""
     settings = None
     if config is not None:
-        capture = config.capture
-        settings = CaptureSettings(width_px=capture.width_px, height_px=capture.height_px, fps=capture.fps)
+        asked = config.capture
+        keys = {choice.name for choice in fields(CaptureSettings)} & set(type(asked).model_fields)
+        settings = CaptureSettings(**{key: getattr(asked, key) for key in keys})
     return open_source(uri, settings, open_recording=open_recording)
 
 

@@ -32,7 +32,7 @@ def decode_bgr(frame: Frame, *, reduce: int = 1) -> BgrImage | None:
             return frame.bgr
         return np.asarray(cv2.resize(frame.bgr, (size[1], size[0]), interpolation=cv2.INTER_AREA), dtype=np.uint8)
     assert frame.jpeg is not None
-    if not _is_whole(frame.jpeg):
+    if not is_whole_jpeg(frame.jpeg):
         return None
     picture = cv2.imdecode(np.frombuffer(frame.jpeg, dtype=np.uint8), _FLAGS[reduce] | cv2.IMREAD_IGNORE_ORIENTATION)
     if picture is None or picture.shape[:2] != size:
@@ -40,7 +40,7 @@ def decode_bgr(frame: Frame, *, reduce: int = 1) -> BgrImage | None:
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _is_whole(jpeg: bytes) -> bool:
+def is_whole_jpeg(jpeg: bytes) -> bool:
     """Starts with SOI and ends with EOI, apart from the zeros with which some cameras pad. Some versions of the decoder fill
     a picture that was cut off with grey and say nothing."""
     return jpeg[:2] == b"\xff\xd8" and jpeg.rstrip(b"\0")[-2:] == b"\xff\xd9"

@@ -8,26 +8,26 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaptureSettings:
-    """Choices for a live camera; files, recordings and the simulator have their own size and rate."""
+    """Choices for a live camera; files, recordings and the simulator have their own size and rate.
+
+    What is None leaves the camera as it is. The names are those of the configuration's section `capture`.
+    """
 
     width_px: int = 1280
     height_px: int = 720
     fps: float = 30.0
     pixel_format: str | None = None
-    """`MJPG` or `YUYV`; None takes MJPEG where the camera has it, else YUYV."""
+    """`MJPG` or `YUYV`; None takes MJPEG where the camera has it at this size and rate, else YUYV."""
+    exposure_us: Literal["auto"] | float | None = None
+    gain: float | None = None
+    """In the camera's own units."""
+    white_balance_k: Literal["auto"] | float | None = None
+    focus: Literal["auto"] | float | None = None
+    """In the camera's own units."""
+    power_line_hz: Literal["off", "auto", 50, 60] | None = None
+    controls: dict[str, int] = field(default_factory=dict)
+    """Further V4L2 controls by their driver's names (`sharpness` ...), set after those above."""
     buffers: int = 4
     """Kernel buffers; four let the newest be taken while the driver still has some to fill."""
     stall_timeout_s: float = 2.0
-    """A camera that gives no frame for so long counts as gone."""
-    exposure_us: Literal["auto"] | float | None = None
-    """Exposure time, microseconds, or auto; None leaves the camera as it is, here and below."""
-    gain: float | None = None
-    """In the camera's own units; libcamera: a factor."""
-    white_balance_k: Literal["auto"] | float | None = None
-    """Colour temperature of the light, kelvin, or auto."""
-    focus: Literal["auto"] | float | None = None
-    """In the camera's own units (libcamera: dioptres), or auto."""
-    power_line_hz: Literal["off", "auto", 50, 60] | None = None
-    """Frequency of the mains that lamps flicker by."""
-    controls: dict[str, int] = field(default_factory=dict)
-    """V4L2 controls to set before the first frame, by linuxpy's names (`exposure_time_absolute`, `focus_absolute` ...)."""
+    """A camera that gives no whole frame for so long counts as gone."""

@@ -1,7 +1,8 @@
 """A V4L2 camera through linuxpy: kernel stamps, the driver's own frame numbers, the newest frame first.
 
-Knows one capture device. Frames that were overtaken while nobody took them are dropped here and show as a gap in the
-sequence. Bad set-up raises `InputError`, a camera that goes away while it runs raises `TemporaryFault`.
+Knows one capture device. Buffers that become no frame (overtaken by a newer one, damaged, cut off) are dropped here, counted
+by reason, and show as a gap in the numbers. Bad set-up raises `InputError`, a camera that goes away while it runs raises
+`TemporaryFault`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import select
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -20,7 +22,10 @@ from linuxpy.video import device as linux
 from linuxpy.video import raw
 
 from dnb_edge.capture.settings import CaptureSettings
-from dnb_edge.capture.v4l2_setup import camera_id, configure, open_device, refusal
+from dnb_edge.capture.v4l2_controls import apply, read_controls, taken, wishes
+from dnb_edge.capture.v4l2_nodes import camera_id
+from dnb_edge.capture.v4l2_setup import agree, open_device, refusal
+from dnb_edge.capture.v4l2_tally import OVERTAKEN, STAMP, Tally, fault_of
 from dnb_edge.errors import InputError, TemporaryFault
 from dnb_edge.values import BgrImage, Clock, Frame, LostFrames, SourceInfo, StampSource
 
@@ -28,8 +33,31 @@ _TIMESTAMP_MASK = 0xE000
 _TIMESTAMP_MONOTONIC = 0x2000
 _SOURCE_MASK = 0x70000
 _SOURCE_START_OF_EXPOSURE = 0x10000
-_ERROR = 0x40
 _GONE = {errno.ENODEV, errno.ENXIO, errno.EIO, errno.EPIPE, errno.ESHUTDOWN, errno.EPROTO}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Taken:
+    """A whole picture, copied out of its buffer."""
+
+    number: int
+    t_ns: int
+    stamp_source: StampSource
+    arrived_ns: int
+    data: bytes
+
+
+class _Capture(linux.VideoCapture):  # type: ignore[misc]  # linuxpy is not typed
+    """linuxpy's, with as many buffers as the driver grants: some give fewer than they are asked for, or more."""
+
+    size: int
+
+    def create_buffers(self, memory: linux.Memory) -> list[raw.v4l2_buffer]:
+        """Request and describe the buffers."""
+        granted = int(self.device.request_buffers(self.type, memory, self.size).count)
+        described = [self.query_buffer(memory, index) for index in range(granted)]
+        self.size, self.buffers = granted, described
+        return described
 
 
 class V4l2Source:
@@ -42,15 +70,14 @@ class V4l2Source:
         self._lock = threading.Lock()
         self._closing = threading.Lock()
         self._closed = threading.Event()
-        self._last: tuple[int, int] | None = None
-        self.overtaken_frames = 0
-        """Frames dropped unseen because a newer one was ready."""
-        self.damaged_frames = 0
-        """Frames dropped because the driver or their size says that they are damaged."""
+        self._tally = Tally()
+        self._last_t_ns: int | None = None
         self._device = open_device(path)
-        self._capture = linux.VideoCapture(self._device, size=settings.buffers, buffer_type=linux.MemoryMap)
+        self._capture = _Capture(self._device, size=settings.buffers, buffer_type=linux.MemoryMap)
         try:
-            self._format = configure(self._device, path, settings)
+            self._format = agree(self._device, path, settings)
+            wanted = wishes(path, read_controls(self._device), settings)
+            apply(self._device, path, wanted)
             self._capture.open()
             self.info = SourceInfo(
                 uri=uri,
@@ -60,6 +87,10 @@ class V4l2Source:
                 clock=Clock.MONOTONIC,
                 live=True,
                 camera_id=camera_id(path, self._device),
+                driver=f"{self._device.info.driver}: {self._device.info.card}",
+                pixel_format=self._format.pixel_format,
+                # Read once the stream runs: some cameras begin it with values of their own.
+                controls=taken(self._device, wanted),
             )
         except OSError as error:
             self._let_go()
@@ -71,22 +102,27 @@ class V4l2Source:
 
     @property
     def lost(self) -> tuple[LostFrames, ...]:
-        """Frames that were dropped here, by reason."""
-        counts = (("damaged", self.damaged_frames), ("overtaken", self.overtaken_frames))
-        return tuple(LostFrames(reason=reason, frames=frames) for reason, frames in counts if frames)
+        """Frames that were lost before the latest one given, by reason: `gap`, `overtaken`, `damaged`, `short`, `stamp`."""
+        return self._tally.lost
 
     def frames(self) -> Iterator[Frame]:
-        """The newest frame each time one is asked for, until `close`.
+        """The newest whole frame each time one is asked for, until `close`.
 
-        Raises `TemporaryFault` where the camera is unplugged or falls silent for longer than `stall_timeout_s`.
+        Raises `TemporaryFault` where the camera is unplugged, or gives no whole frame for longer than `stall_timeout_s`.
         """
+        while (frame := self._next()) is not None:
+            yield frame
+
+    def _next(self) -> Frame | None:
+        """The next frame; None after `close`."""
+        deadline_s = time.monotonic() + self._settings.stall_timeout_s
         while True:
             with self._lock:
-                if self._closed.is_set() or not self._wait():
-                    return
-                frame = self._newest()
-            if frame is not None:
-                yield frame
+                if self._closed.is_set() or not self._wait(deadline_s):
+                    return None
+                newest = self._newest()
+            if newest is not None:
+                return self._frame(newest)
 
     def close(self) -> None:
         """Stop the camera and give it back; safe to repeat and to call from another thread, where it ends `frames`."""
@@ -116,62 +152,69 @@ class V4l2Source:
             mapped.close()
         self._device.close()
 
-    def _wait(self) -> bool:
-        """Block until a frame is ready; False after `close`."""
-        ready, _, _ = select.select([self._device, self._wake_read], [], [], self._settings.stall_timeout_s)
+    def _wait(self, deadline_s: float) -> bool:
+        """Block until a buffer is ready; False after `close`."""
+        left_s = max(0.0, deadline_s - time.monotonic())
+        ready, _, _ = select.select([self._device, self._wake_read], [], [], left_s)
         if self._closed.is_set():
             return False
-        if not ready:
-            raise TemporaryFault(f"{self._path}: the camera gave no frame for {self._settings.stall_timeout_s:g} s")
+        if not ready or left_s == 0.0:
+            raise TemporaryFault(
+                f"{self._path}: the camera gave no whole frame for {self._settings.stall_timeout_s:g} s"
+            )
         return True
 
-    def _newest(self) -> Frame | None:
-        """Take every ready buffer, keep the last: the others are old news. None where that one is damaged."""
-        newest: tuple[raw.v4l2_buffer, bytes, int] | None = None
+    def _newest(self) -> _Taken | None:
+        """Take every ready buffer, keep the last whole one: older ones are old news. None where there is none."""
+        newest: _Taken | None = None
         try:
             while True:
                 buffer = self._capture.dequeue_buffer(linux.Memory.MMAP)
-                now_ns = time.monotonic_ns()
-                if newest is not None:
-                    self.overtaken_frames += 1
-                newest = buffer, bytes(self._capture.buffer.buffers[buffer.index][: buffer.bytesused]), now_ns
+                arrived_ns = time.monotonic_ns()
+                data = bytes(self._capture.buffer.buffers[buffer.index][: buffer.bytesused])
+                found = self._judged(buffer, data, arrived_ns)
+                if found is not None:
+                    if newest is not None:
+                        self._tally.lose(OVERTAKEN)
+                    self._tally.give()
+                    newest = found
                 self._capture.enqueue_buffer(linux.Memory.MMAP, 0, buffer.index)
         except BlockingIOError:
             pass  # the queue is empty: what was taken last is the newest
         except OSError as error:
-            if error.errno in _GONE:
+            if error.errno not in _GONE:
+                raise
+            # What came before it went is given first; the next call finds it gone again.
+            if newest is None:
                 raise TemporaryFault(f"{self._path}: the camera is gone ({error.strerror})") from error
-            raise
-        return None if newest is None else self._frame(*newest)
+        self._tally.publish(given=newest is not None)
+        return newest
 
-    def _frame(self, buffer: raw.v4l2_buffer, data: bytes, dequeued_ns: int) -> Frame | None:
+    def _judged(self, buffer: raw.v4l2_buffer, data: bytes, arrived_ns: int) -> _Taken | None:
+        """The buffer's picture with number and stamp; None, counted, where it is not to be used."""
+        number = self._tally.number(int(buffer.sequence))
         stamp = buffer.timestamp
-        t_ns, stamp_source = stamp_of(buffer.flags, stamp.secs, stamp.usecs, dequeued_ns)
-        sequence = int(buffer.sequence)
-        if self._last is not None:
-            last_t_ns, last_sequence = self._last
-            if t_ns <= last_t_ns:
-                self.damaged_frames += 1
-                return None
-            # A few drivers leave the number at 0; a restarted one begins anew.
-            sequence = sequence if sequence > last_sequence else last_sequence + 1
-        picture = (
-            None
-            if self._format.is_jpeg
-            else yuyv_to_bgr(data, self._format.width, self._format.height, self._format.bytes_per_line)
-        )
-        if buffer.flags & _ERROR or not data or (picture is None and not self._format.is_jpeg):
-            self.damaged_frames += 1
+        t_ns, stamp_source = stamp_of(buffer.flags, stamp.secs, stamp.usecs, arrived_ns)
+        fault = fault_of(buffer.flags, data, self._format)
+        if fault is None and self._last_t_ns is not None and t_ns <= self._last_t_ns:
+            fault = STAMP
+        if fault is not None:
+            self._tally.lose(fault)
             return None
-        self._last = t_ns, sequence
+        self._last_t_ns = t_ns
+        return _Taken(number=number, t_ns=t_ns, stamp_source=stamp_source, arrived_ns=arrived_ns, data=data)
+
+    def _frame(self, taken: _Taken) -> Frame:
+        form = self._format
         return Frame(
-            sequence=sequence,
-            t_ns=t_ns,
-            stamp_source=stamp_source,
-            width_px=self._format.width,
-            height_px=self._format.height,
-            jpeg=data if self._format.is_jpeg else None,
-            bgr=picture,
+            sequence=taken.number,
+            t_ns=taken.t_ns,
+            stamp_source=taken.stamp_source,
+            width_px=form.width,
+            height_px=form.height,
+            jpeg=taken.data if form.is_jpeg else None,
+            bgr=None if form.is_jpeg else yuyv_to_bgr(taken.data, form.width, form.height, form.bytes_per_line),
+            arrived_ns=taken.arrived_ns,
         )
 
 
