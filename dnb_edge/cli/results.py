@@ -11,6 +11,7 @@ import typer
 from dnb_edge.cli.replayed import WithEdits, replay
 from dnb_edge.cli.rescore import Wanted
 from dnb_edge.errors import InputError
+from dnb_edge.record.chain import continued
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.reader import iter_frames
 from dnb_edge.report.evidence import thumbnails
@@ -77,7 +78,10 @@ def make_report(run: Path, out: Path | None, *, edits: bool = True, wanted: Want
 
 
 def recordings(runs: list[Path]) -> list[Path]:
-    """The recordings that `runs` names, those in directories sorted by name. Raises `InputError` where there are none."""
+    """The recordings that `runs` names, those in directories sorted by name. Raises `InputError` where there are none.
+
+    Of a run in a directory that was cut short and gone on with only the last file, which is read with those before it.
+    """
     files: list[Path] = []
     for run in runs:
         if not run.is_dir():
@@ -88,5 +92,6 @@ def recordings(runs: list[Path]) -> list[Path]:
             parts = len(list(run.glob(f"*{PART_SUFFIX}")))
             hint = f"; {parts} unfinished ones: run `dnb-edge runs recover {run}`" if parts else ""
             raise InputError(f"{run}: no recordings (.mcap) in this directory{hint}")
-        files += found
+        gone_on = continued(found)
+        files += [path for path in found if path not in gone_on]
     return files

@@ -20,6 +20,7 @@ from dnb_edge.cli.run_csv import Table as Exported
 from dnb_edge.cli.run_csv import as_csv
 from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError, WorkError
+from dnb_edge.record.chain import continued
 from dnb_edge.record.channels import EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.edits import edits_path
@@ -81,7 +82,8 @@ def list_runs(directory: Directory = Path(), *, as_json: AsJson = False) -> None
     if not directory.is_dir():
         raise InputError(f"{directory}: there is no such directory")
     paths = sorted([*directory.glob("*.mcap"), *directory.glob(f"*{PART_SUFFIX}")])
-    runs = [listed_run(path) for path in paths]
+    gone_on = continued(paths)
+    runs = [listed_run(path, part_of=gone_on.get(path)) for path in paths]
     if as_json:
         for run in runs:
             typer.echo(json.dumps(asdict(run)))
@@ -173,8 +175,8 @@ def _write_new(texts: dict[Path, str]) -> None:
             raise WorkError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def listed_run(path: Path) -> ListedRun:
-    """What `list` says of one file; a file that cannot be read is listed with the reason."""
+def listed_run(path: Path, *, part_of: Path | None = None) -> ListedRun:
+    """What `list` says of one file; a file that cannot be read is listed with the reason. `part_of`: what it is read with."""
     size_bytes = path.stat().st_size
     part = path.name.endswith(PART_SUFFIX)
     nothing: dict[str, Any] = dict.fromkeys(("name", "source", "duration_s", "laps"))
@@ -187,7 +189,11 @@ def listed_run(path: Path) -> ListedRun:
     duration_s = None
     if run.first_t_ns is not None and run.last_t_ns is not None:
         duration_s = (run.last_t_ns - run.first_t_ns) / 1e9
-    notes = [*run.warnings, *([] if run.damage is None else [damage_text(run.damage)])]
+    notes = [
+        *([] if part_of is None else [f"part of {part_of.name}"]),
+        *run.warnings,
+        *([] if run.damage is None else [damage_text(run.damage)]),
+    ]
     return ListedRun(
         file=path.name,
         state=RunState.PART if part else whole,

@@ -15,6 +15,7 @@ from dnb_edge.cli.replayed import WithEdits, replay
 from dnb_edge.cli.rescore import Wanted
 from dnb_edge.cli.results import Runs, recordings
 from dnb_edge.cli.trials import Raced, raced
+from dnb_edge.record.chain import continued
 from dnb_edge.report.table import RowsBy, result_table
 from dnb_edge.report.table_files import as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex
@@ -71,8 +72,10 @@ def table(
 
 
 def _raced(runs: list[Path], wanted: Wanted, *, edits: bool) -> list[Raced]:
-    """Each recording once, however often it is named."""
-    files = list({path.resolve(): path for path in recordings(runs)}.values())
+    """Each recording once, however often it is named; one that is gone on with in another of them is read with that."""
+    named = {path.resolve(): path for path in recordings(runs)}
+    gone_on = continued(named)
+    files = [path for real, path in named.items() if real not in gone_on]
     console = Console(stderr=True)
     shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
     return [raced(replay(path, edits=edits, changed=wanted.change(path))) for path in shown]

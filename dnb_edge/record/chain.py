@@ -87,17 +87,18 @@ def chain_of(head: Head) -> Chain:
 
 
 def continued(paths: Iterable[Path]) -> dict[Path, Path]:
-    """Which of these recordings go on in which other one of them. Of one that cannot be read, its reader says why."""
-    known = list(paths)
+    """Which of these recordings are read with which other one of them, the last in a chain, since that goes on from them.
+
+    Of one that cannot be read its reader says why.
+    """
+    known = sorted(paths)
     found: dict[Path, Path] = {}
     for path in known:
         try:
-            head = read_head(path)
+            chain = chain_of(read_head(path))
         except InputError:
             continue
-        before = None if head.previous is None else _beside(path, head.previous)
-        if before is not None and before in known:
-            found[before] = path
+        found |= {before: path for before in chain.earlier if before in known}
     return found
 
 
