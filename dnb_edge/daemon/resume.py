@@ -130,7 +130,7 @@ def find_unfinished(directory: Path, header: RunHeader, *, now_ns: int, within_s
 def recover_aside(parts: Sequence[Path], wait: Callable[[], None]) -> None:
     """Finishes the files of a run that was cut short, in a process of its own with little priority: it takes seconds an hour.
 
-    It begins once `wait` has returned. Where it does not come about the next start does it; till then they are read as they are.
+    It begins once `wait` has returned. Where it does not come about the next start does it; till then they stay as they are.
     """
     words = ["nice", "-n", "19", sys.executable, "-m", "dnb_edge", "runs", "recover", *map(str, parts)]
 
