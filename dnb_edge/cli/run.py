@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +16,11 @@ from dnb_edge.assembly import check_checkpoint
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
-from dnb_edge.daemon.sinks import JsonSink
+from dnb_edge.daemon.keep_trying import keep_trying
+from dnb_edge.daemon.last_good import LastGood
+from dnb_edge.daemon.resume import RESUME_WITHIN_S
+from dnb_edge.daemon.sinks import JsonSink, LiveJsonSink
+from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
 from dnb_edge.errors import InputError
 from dnb_edge.values import RunSummary
@@ -47,6 +53,23 @@ def run(
         Path | None, typer.Option(help="Another detector model: .onnx with its card, or exported by Ultralytics.")
     ] = None,
     overrides: Override = None,
+    last_good: Annotated[
+        Path | None,
+        typer.Option(
+            help="Directory for a copy of the last configuration that raced; it is raced with where the current one is damaged."
+        ),
+    ] = None,
+    resume_within: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            metavar="SECONDS",
+            help="Go on with the same race where it was cut short (killed, not stopped) no longer ago than this.",
+        ),
+    ] = RESUME_WITHIN_S,
+    resume: Annotated[
+        bool, typer.Option("--resume/--no-resume", help="Whether to go on with a race that was cut short.")
+    ] = True,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")
     ] = False,
@@ -58,21 +81,71 @@ def run(
 
     Runs until the source ends, the wanted laps are complete or Ctrl-C is pressed; the recording is finished in each case.
     """
-    config = load_run_config(config_file, [*(overrides or []), *_shorthands(laps, model, entry)])
-    check_checkpoint(config)
-    uri = source if source is not None else config.capture.source
-    if uri is None:
-        raise InputError("no source: give --source, or capture.source in the configuration")
-    options = RunOptions(
-        source_uri=uri, record_directory=record, display_uri=display if display is not None else config.display.uri
-    )
+    changes = [*(overrides or []), *_shorthands(laps, model, entry)]
+
+    def attempt(notifier: ServiceNotifier) -> None:
+        config, fault = _config_or_last_good(config_file, changes, last_good)
+        options = RunOptions(
+            source_uri=_source_uri(source, config),
+            record_directory=record,
+            display_uri=display if display is not None else config.display.uri,
+            last_good=last_good,
+            config_fault=fault,
+            resume_within_s=resume_within if resume else 0.0,
+        )
+        _race(config, options, notifier, as_json=as_json, observations=observations)
+
+    keep_trying(attempt, ServiceNotifier())
+
+
+LIVE_SCHEMES = ("v4l2:", "libcamera:")
+"""Sources that lose frames where anybody makes them wait."""
+
+
+def _race(config: Config, options: RunOptions, notifier: ServiceNotifier, *, as_json: bool, observations: bool) -> None:
+    """One run with its listeners: JSON lines, or the board."""
     if as_json:
-        run_appliance(config, options, listeners=[JsonSink(sys.stdout, observations=observations)])
+        with _json_lines(options.source_uri, observations=observations) as lines:
+            run_appliance(config, options, listeners=[lines], notifier=notifier)
         return
     console = BoardConsole(markup=False)
     with TerminalDisplay(console) as board:
-        summary = run_appliance(config, options, displays=[board])
+        summary = run_appliance(config, options, displays=[board], notifier=notifier)
+    if board.stuck:
+        # The recording is finished, and Python would wait for the terminal for ever.
+        os._exit(1)
     say_summary(console, summary)
+
+
+def _json_lines(source_uri: str, *, observations: bool) -> LiveJsonSink | nullcontext[JsonSink]:
+    if source_uri.startswith(LIVE_SCHEMES):
+        return LiveJsonSink(sys.stdout.fileno(), observations=observations)
+    return nullcontext(JsonSink(sys.stdout, observations=observations))
+
+
+def _source_uri(source: str | None, config: Config) -> str:
+    uri = source if source is not None else config.capture.source
+    if uri is None:
+        raise InputError("no source: give --source, or capture.source in the configuration")
+    return uri
+
+
+def _config_or_last_good(
+    config_file: Path | None, changes: list[str], last_good: Path | None
+) -> tuple[Config, str | None]:
+    """The user's configuration; where it is damaged the last good one, and what is wrong with the user's."""
+    try:
+        config = load_run_config(config_file, changes)
+        check_checkpoint(config)
+    except InputError as error:
+        if last_good is None:
+            raise
+        try:
+            return LastGood(last_good).load(), str(error)
+        except InputError:
+            # Of two faults the user can mend the first.
+            raise error from None
+    return config, None
 
 
 def load_run_config(config_file: Path | None, overrides: list[str]) -> Config:

@@ -22,6 +22,7 @@ from dnb_edge.values import Frame, LostFrames
 QUEUE_FRAMES = 2
 BACK_OFF_S = (0.25, 0.5, 1.0, 2.0)
 """Waits between attempts to open a camera that went away; the last one repeats. Frames come within 5 s of its return."""
+CLOSE_S = 1.0
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +34,10 @@ class FrameFeed:
     meanwhile what is wrong.
     """
 
-    def __init__(self, source: FrameSource, reopen: Callable[[], FrameSource]) -> None:
+    def __init__(
+        self, source: FrameSource, reopen: Callable[[], FrameSource], *, last_sequence: int | None = None
+    ) -> None:
+        """`last_sequence`: number of the last frame of the run that this one goes on with; None for a new run."""
         self._source = source
         self._reopen = reopen
         self._lossless = not source.info.live
@@ -44,8 +48,8 @@ class FrameFeed:
         self._ended = False
         self._failure: BaseException | None = None
         self._fault: str | None = None
-        self._sequence: int | None = None
-        self._renumber_by: int | None = 0
+        self._sequence = last_sequence
+        self._renumber_by: int | None = 0 if last_sequence is None else None
         """What is added to the source's numbers; None until the first frame of a source that came back."""
         self._ledger = Ledger()
         self._overflown = 0
@@ -107,13 +111,13 @@ class FrameFeed:
             return None
 
     def close(self) -> None:
-        """Stops the thread and closes the source."""
+        """Stops the thread and closes the source, within a second if that lets itself be closed."""
         self._stop.set()
         with self._changed:
             self._frames.clear()
             self._changed.notify_all()
         self._source.close()
-        self._thread.join(timeout=5.0)
+        self._thread.join(timeout=CLOSE_S)
 
     def _run(self) -> None:
         try:

@@ -6,15 +6,18 @@ rooms' interfaces; knows nothing of how events come about.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import Protocol, TextIO
+from types import TracebackType
+from typing import Protocol, Self, TextIO
 
 from dnb_edge import wire
+from dnb_edge.daemon.aside import Aside
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import Event, Frame, FrameDetections, Observation, Running, Target
+from dnb_edge.values import Event, Frame, FrameDetections, Health, Observation, Running, Standings, Target
 
 
 class Sink(Protocol):
@@ -55,11 +58,19 @@ class RecordSink:
 class BoardSink:
     """Keeps the board's state and posts it to displays and the service manager."""
 
-    def __init__(self, displays: Sequence[Display], notifier: ServiceNotifier, laps_wanted: int | None) -> None:
+    def __init__(
+        self,
+        displays: Sequence[Display],
+        notifier: ServiceNotifier,
+        laps_wanted: int | None,
+        *,
+        first_t_ns: int | None = None,
+    ) -> None:
+        """`first_t_ns`: stamp of the race's first frame; None where that is still to come."""
         self._displays = displays
         self._notifier = notifier
         self._state = BoardState(laps_wanted=laps_wanted)
-        self._first_t_ns: int | None = None
+        self._first_t_ns = first_t_ns
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:  # noqa: ARG002 a board shows no detections
         """Lets the running lap run on."""
@@ -84,12 +95,16 @@ class BoardSink:
             display.post(state)
 
 
+def _hidden(*, observations: bool) -> tuple[type[Event], ...]:
+    return (Target,) if observations else (Target, Observation, Running)
+
+
 class JsonSink:
-    """One JSON object a line for each event, in order."""
+    """One JSON object a line for each event, in order. The race waits for whoever reads, as it may with files."""
 
     def __init__(self, stream: TextIO, *, observations: bool) -> None:
         self._stream = stream
-        self._hidden = (Target,) if observations else (Target, Observation, Running)
+        self._hidden = _hidden(observations=observations)
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:
         """Frames themselves have no line."""
@@ -106,3 +121,50 @@ class JsonSink:
     def warnings(self) -> tuple[str, ...]:
         """None: a stream that is closed ends the run."""
         return ()
+
+
+class LiveJsonSink:
+    """The same lines for a live race, which never waits: a thread of its own writes them.
+
+    Where nobody reads for long, observations, running laps, standings and health are left out and counted; laps, crossings and
+    all the rest are kept.
+    """
+
+    CLOSE_S = 1.0
+    """How long the last lines may take, seconds."""
+
+    def __init__(self, descriptor: int, *, observations: bool) -> None:
+        """`descriptor`: of the file to write to. Not a stream: one that hangs would hold up the end of the process."""
+        self._descriptor = descriptor
+        self._hidden = _hidden(observations=observations)
+        self._lines: Aside[bytes] = Aside("json", self._write)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._lines.close(self.CLOSE_S)
+
+    def frame(self, frame: Frame, found: FrameDetections) -> None:
+        """Frames themselves have no line."""
+
+    def event(self, event: Event) -> None:
+        """Hands the event's line over. Raises `OSError` where the reader went away: that ends the run."""
+        if self._lines.failure is not None:
+            raise self._lines.failure
+        if not isinstance(event, self._hidden):
+            vital = not isinstance(event, Observation | Running | Standings | Health)
+            self._lines.put((wire.event_to_json(event) + "\n").encode(), vital=vital)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """How many lines were left out, once there are any."""
+        lost = self._lines.lost
+        return (f"{lost} JSON lines left out: nobody reads them",) if lost else ()
+
+    def _write(self, line: bytes) -> None:
+        rest = memoryview(line)
+        while rest:
+            rest = rest[os.write(self._descriptor, rest) :]

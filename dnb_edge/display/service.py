@@ -31,6 +31,8 @@ class ServiceNotifier:
         self._period_s = watchdog_period_s()
         self._fed_s: float | None = None
         self._status: str | None = None
+        self.was_ready = False
+        """Whether `ready` was told."""
 
     @property
     def active(self) -> bool:
@@ -44,6 +46,7 @@ class ServiceNotifier:
 
     def ready(self) -> None:
         """The first frame has come and the recording stands: units ordered after this one may start."""
+        self.was_ready = True
         self._tell("READY=1")
 
     def show(self, state: BoardState) -> None:

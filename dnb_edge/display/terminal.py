@@ -52,6 +52,11 @@ class TerminalDisplay(ClosesOnExit):
         """Why nothing is painted any more."""
         return self._fault
 
+    @property
+    def stuck(self) -> bool:
+        """True where the board was closed and the terminal still does not take the last picture."""
+        return self._mailbox.closed and self._thread.is_alive()
+
     def post(self, state: BoardState) -> None:
         """Show `state` at the next picture."""
         self._mailbox.put(state)
