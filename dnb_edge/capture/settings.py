@@ -19,12 +19,15 @@ class CaptureSettings:
     pixel_format: str | None = None
     """`MJPG` or `YUYV`; None takes MJPEG where the camera has it at this size and rate, else YUYV."""
     exposure_us: Literal["auto"] | float | None = None
+    """Exposure time, microseconds, or auto."""
     gain: float | None = None
-    """In the camera's own units."""
+    """In the camera's own units; libcamera: a factor."""
     white_balance_k: Literal["auto"] | float | None = None
+    """Colour temperature of the light, kelvin, or auto."""
     focus: Literal["auto"] | float | None = None
-    """In the camera's own units."""
+    """In the camera's own units (libcamera: dioptres), or auto."""
     power_line_hz: Literal["off", "auto", 50, 60] | None = None
+    """Frequency of the mains that lamps flicker by."""
     controls: dict[str, int] = field(default_factory=dict)
     """Further V4L2 controls by their driver's names (`sharpness` ...), set after those above."""
     buffers: int = 4

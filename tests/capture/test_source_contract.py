@@ -61,9 +61,10 @@ def played_camera_case(tmp_path, play_camera) -> Case:
 
 def real_camera_case(tmp_path, play_camera) -> Case:
     if CAMERA is None:
-        pytest.skip("no camera to test with: set DNB_EDGE_TEST_CAMERA=/dev/video0 (and _SIZE=640x480) to one")
+        pytest.skip("no camera to test with: set DNB_EDGE_TEST_CAMERA=/dev/video0 (and _SIZE=640x480, _FPS=15) to one")
     width, height = os.environ.get("DNB_EDGE_TEST_CAMERA_SIZE", "1280x720").split("x")
-    settings = CaptureSettings(width_px=int(width), height_px=int(height))
+    fps = float(os.environ.get("DNB_EDGE_TEST_CAMERA_FPS", "30"))
+    settings = CaptureSettings(width_px=int(width), height_px=int(height), fps=fps)
     return Case(open=lambda: open_source(f"v4l2:{CAMERA}", settings), take=20)
 
 
@@ -96,6 +97,41 @@ def test_frames_keep_order_size_and_kind(case):
         if frame.bgr is not None:
             assert frame.bgr.shape == (frame.height_px, frame.width_px, 3)
             assert frame.bgr.dtype == np.uint8
+        assert (frame.arrived_ns is not None) == source.info.live
+
+
+def test_every_missing_frame_is_accounted_for(case):
+    """Numbers that are missing among the frames and frames that the source says it lost are as many, after each frame; what
+    waits to be taken loses none. Another thread may ask."""
+    source = case.open()
+    frames = source.frames()
+    case.prompt(0)
+    first = next(frames)
+    before = sum(lost.frames for lost in source.lost)
+    asked = []
+    for i in range(1, min(case.take, 8)):
+        case.prompt(i)
+        frame = next(frames)
+        asker = threading.Thread(target=lambda: asked.append(source.lost))
+        asker.start()
+        asker.join()
+        missing = frame.sequence - first.sequence - i
+        if source.info.live:
+            assert sum(lost.frames for lost in asked[-1]) - before == missing
+        else:
+            assert asked[-1] == ()
+    source.close()
+    assert all(lost.frames > 0 for lost in source.lost)
+
+
+def test_what_a_source_says_of_itself(case):
+    """A camera tells who it is, its driver and format; a file has none of them."""
+    source = case.open()
+    info = source.info
+    source.close()
+    told = (info.camera_id, info.driver, info.pixel_format)
+    assert all(told) if info.live else not any(told)
+    assert info.controls == ()
 
 
 def test_close_is_repeatable_and_ends_the_frames(case):
