@@ -93,12 +93,12 @@ class EdgeOnce:
 class Running:
     """A `dnb-edge WORDS --json` that runs on, read line by line. Use it in a `with` statement."""
 
-    def __init__(self, *words: object, err: Path) -> None:
+    def __init__(self, *words: object, err: Path, command: tuple[str, ...] = COMMAND) -> None:
         self._err = err
         self._said: list[str] = []
         with err.open("wb") as stream:
             self.process = subprocess.Popen(
-                [*COMMAND, *map(str, words)],
+                [*command, *map(str, words)],
                 env=environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
