@@ -11,20 +11,32 @@ import os
 import select
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
 from dnb_edge.capture.libcamera_controls import Wish, nominal_fps, taken, to_set
-from dnb_edge.capture.libcamera_pictures import JPEG, MappedBuffer, to_bgr
-from dnb_edge.capture.libcamera_setup import StreamFormat, bindings, configure, find_camera, refusal, start_manager
+from dnb_edge.capture.libcamera_pictures import JPEG, MappedBuffer, fault_of, to_bgr
+from dnb_edge.capture.libcamera_setup import bindings, configure, find_camera, refusal, start_manager
 from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.v4l2_tally import DAMAGED, OVERTAKEN, STAMP, Tally
 from dnb_edge.errors import TemporaryFault
-from dnb_edge.values import Clock, Frame, LostFrames, SourceInfo
+from dnb_edge.values import Clock, Frame, LostFrames, SourceInfo, StampSource
 
 _LOOK_S = 0.25
 """How often a silent camera is looked for: the bindings have no signal for one that is unplugged."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Taken:
+    """A whole picture, copied out of its buffer."""
+
+    number: int
+    t_ns: int
+    stamp_source: StampSource
+    arrived_ns: int
+    planes: list[bytes]
 
 
 class LibcameraSource:
@@ -37,8 +49,8 @@ class LibcameraSource:
         self._lock = threading.Lock()
         self._closing = threading.Lock()
         self._closed = threading.Event()
-        self._last: tuple[int, int] | None = None
-        self._lost: Counter[str] = Counter()
+        self._tally = Tally()
+        self._last_t_ns: int | None = None
         self._libcamera: Any = bindings(uri)
         self._manager: Any = start_manager(uri, self._libcamera)
         self._camera: Any = None
@@ -59,23 +71,27 @@ class LibcameraSource:
 
     @property
     def lost(self) -> tuple[LostFrames, ...]:
-        """Frames that were dropped here, by reason."""
-        return tuple(
-            LostFrames(reason=reason, frames=frames) for reason, frames in sorted(self._lost.items()) if frames
-        )
+        """Frames that were lost before the latest one given, by reason: `gap`, `overtaken`, `damaged`, `short`, `stamp`."""
+        return self._tally.lost
 
     def frames(self) -> Iterator[Frame]:
-        """The newest frame each time one is asked for, until `close`.
+        """The newest whole frame each time one is asked for, until `close`.
 
-        Raises `TemporaryFault` where the camera is unplugged or falls silent for longer than `stall_timeout_s`.
+        Raises `TemporaryFault` where the camera is unplugged, or gives no whole frame for longer than `stall_timeout_s`.
         """
+        while (frame := self._next()) is not None:
+            yield frame
+
+    def _next(self) -> Frame | None:
+        """The next frame; None after `close`."""
+        deadline_s = time.monotonic() + self._settings.stall_timeout_s
         while True:
             with self._lock:
-                if self._closed.is_set() or not self._wait():
-                    return
-                frame = self._newest()
-            if frame is not None:
-                yield frame
+                if self._closed.is_set() or not self._wait(deadline_s):
+                    return None
+                newest = self._newest()
+            if newest is not None:
+                return self._frame(newest)
 
     def close(self) -> None:
         """Stop the camera and give it back; safe to repeat and to call from another thread, where it ends `frames`."""
@@ -130,22 +146,21 @@ class LibcameraSource:
                 self._again(request)
         return taken(asked, metadata)
 
-    def _wait(self) -> bool:
+    def _wait(self, deadline_s: float) -> bool:
         """Block until a request is finished; False after `close`."""
-        until_s = time.monotonic() + self._settings.stall_timeout_s
         while True:
-            left_s = until_s - time.monotonic()
-            ready, _, _ = select.select(
-                [self._manager.event_fd, self._wake_read], [], [], max(0.0, min(_LOOK_S, left_s))
-            )
+            left_s = max(0.0, deadline_s - time.monotonic())
+            ready, _, _ = select.select([self._manager.event_fd, self._wake_read], [], [], min(_LOOK_S, left_s))
             if self._closed.is_set():
                 return False
-            if ready:
+            if ready and left_s > 0.0:
                 return True
             if self._is_gone():
                 raise TemporaryFault(f"{self._uri}: the camera is gone")
-            if left_s <= _LOOK_S:
-                raise TemporaryFault(f"{self._uri}: the camera gave no frame for {self._settings.stall_timeout_s:g} s")
+            if left_s == 0.0:
+                raise TemporaryFault(
+                    f"{self._uri}: the camera gave no whole frame for {self._settings.stall_timeout_s:g} s"
+                )
 
     def _is_gone(self) -> bool:
         """True once libcamera has dropped the camera; one that was plugged in again is another, even by the same name."""
@@ -161,50 +176,56 @@ class LibcameraSource:
         self._queued.difference_update(request.cookie for request in own)
         return own
 
-    def _newest(self) -> Frame | None:
-        """Take every finished request, keep the last: the others are old news. None where that one is damaged."""
-        finished = self._finished()
-        arrived = now()
-        if not finished:
-            return None
-        self._lost["overtaken"] += len(finished) - 1
-        read = self._read(finished[-1], arrived)
-        for request in finished:
-            self._again(request)
-        if isinstance(read, Frame):
-            return read
-        self._lost[read] += 1
-        return None
+    def _newest(self) -> _Taken | None:
+        """Take every finished request, keep the last whole one: older ones are old news. None where there is none."""
+        newest: _Taken | None = None
+        for request in self._finished():
+            found = self._judged(request, now())
+            if found is not None:
+                if newest is not None:
+                    self._tally.lose(OVERTAKEN)
+                self._tally.give()
+                newest = found
+            try:
+                self._again(request)
+            except TemporaryFault:
+                # What came before it went is given first; the next call finds it gone again.
+                if newest is None:
+                    raise
+        self._tally.publish(given=newest is not None)
+        return newest
 
-    def _read(self, request: Any, arrived: Moment) -> Frame | str:
-        """The frame in a finished request, or the reason why it is lost."""
-        buffer = request.buffers[self._stream]
-        about = buffer.metadata
-        if about.status != self._libcamera.FrameMetadata.Status.Success:
-            return "damaged"
+    def _judged(self, request: Any, arrived: Moment) -> _Taken | None:
+        """The picture in a finished request with number and stamp; None, counted, where it is not to be used."""
+        about, form = request.buffers[self._stream].metadata, self._format
+        number = self._tally.number(int(about.sequence))
         t_ns, stamp_source = stamp_of(_named(request.metadata).get("SensorTimestamp"), about.timestamp, arrived)
-        sequence = int(about.sequence)
-        if self._last is not None:
-            last_t_ns, last_sequence = self._last
-            if t_ns <= last_t_ns:
-                return "stamp"
-            # A few drivers leave the number at 0; a restarted one begins anew.
-            sequence = sequence if sequence > last_sequence else last_sequence + 1
         planes = self._memory[request.cookie].read([plane.bytes_used for plane in about.planes])
-        shape: StreamFormat = self._format
-        is_jpeg = shape.name == JPEG
-        picture = None if is_jpeg else to_bgr(shape.name, planes, shape.width, shape.height, shape.stride)
-        if not (planes and planes[0]) or (picture is None and not is_jpeg):
-            return "short"
-        self._last = t_ns, sequence
+        fault = fault_of(form.name, planes, form.width, form.height, form.stride)
+        if about.status != self._libcamera.FrameMetadata.Status.Success:
+            fault = DAMAGED
+        if fault is None and self._last_t_ns is not None and t_ns <= self._last_t_ns:
+            fault = STAMP
+        if fault is not None:
+            self._tally.lose(fault)
+            return None
+        self._last_t_ns = t_ns
+        return _Taken(
+            number=number, t_ns=t_ns, stamp_source=stamp_source, arrived_ns=arrived.monotonic_ns, planes=planes
+        )
+
+    def _frame(self, taken: _Taken) -> Frame:
+        form = self._format
+        is_jpeg = form.name == JPEG
         return Frame(
-            sequence=sequence,
-            t_ns=t_ns,
-            stamp_source=stamp_source,
-            width_px=shape.width,
-            height_px=shape.height,
-            jpeg=planes[0] if is_jpeg else None,
-            bgr=picture,
+            sequence=taken.number,
+            t_ns=taken.t_ns,
+            stamp_source=taken.stamp_source,
+            width_px=form.width,
+            height_px=form.height,
+            jpeg=taken.planes[0] if is_jpeg else None,
+            bgr=None if is_jpeg else to_bgr(form.name, taken.planes, form.width, form.height, form.stride),
+            arrived_ns=taken.arrived_ns,
         )
 
     def _again(self, request: Any) -> None:

@@ -12,12 +12,15 @@ import fcntl
 import mmap
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dnb_edge.capture.decode import is_whole_jpeg
+from dnb_edge.capture.v4l2_tally import DAMAGED, SHORT
 from dnb_edge.values import BgrImage
 
 JPEG = "MJPEG"
@@ -67,70 +70,87 @@ def _readable(fd: int) -> Iterator[None]:
     fcntl.ioctl(fd, _SYNC, struct.pack("Q", _READ | _END))
 
 
-def to_bgr(name: str, planes: list[bytes], width_px: int, height_px: int, stride: int) -> BgrImage | None:
-    """The picture in `planes`, copies of a buffer in the format `name`, shape (height, width, 3); None where it is too short.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How the pixels of a format lie in its planes."""
+
+    planes: tuple[tuple[int, int, int], ...]
+    """Of each plane: by what to divide the picture's height for its rows, by what the first plane's stride for its own, and
+    the bytes that two pixels of a row take."""
+    to_bgr: Callable[[list[NDArray[np.uint8]]], Any]
+    """Makes the picture of the planes' rows, each of shape (rows, bytes)."""
+
+
+def fault_of(name: str, planes: list[bytes], width_px: int, height_px: int, stride: int) -> str | None:
+    """Why `planes`, copies of a buffer in the format `name`, are no picture: `damaged` or `short`; None for a whole one.
 
     `stride`: bytes from one row of the first plane to the next.
     """
-    try:
-        picture = PICTURE_FORMATS[name](planes, width_px, height_px, stride)
-    except (_TooShort, IndexError):
-        return None
-    return np.ascontiguousarray(picture, dtype=np.uint8)
+    if name == JPEG:
+        jpeg = planes[0] if planes else b""
+        if is_whole_jpeg(jpeg):
+            return None
+        return DAMAGED if jpeg and jpeg[:2] != b"\xff\xd8" else SHORT
+    wanted = PICTURE_FORMATS[name].planes
+    if len(planes) < len(wanted):
+        return SHORT
+    for plane, (row_part, stride_part, pair_bytes) in zip(planes, wanted, strict=False):
+        # The last row need not be padded.
+        if len(plane) < stride // stride_part * (height_px // row_part - 1) + pair_bytes * width_px // 2:
+            return SHORT
+    return None
 
 
-class _TooShort(Exception):
-    """A plane holds fewer bytes than its rows take."""
+def to_bgr(name: str, planes: list[bytes], width_px: int, height_px: int, stride: int) -> BgrImage:
+    """The picture, shape (height, width, 3), in `planes`, which `fault_of` finds nothing wrong with; not for JPEG."""
+    layout = PICTURE_FORMATS[name]
+    rows = [
+        _rows(plane, height_px // row_part, stride // stride_part, pair_bytes * width_px // 2)
+        for plane, (row_part, stride_part, pair_bytes) in zip(planes, layout.planes, strict=False)
+    ]
+    return np.ascontiguousarray(layout.to_bgr(rows), dtype=np.uint8)
 
 
 def _rows(plane: bytes, rows: int, stride: int, used: int) -> NDArray[np.uint8]:
-    """Rows of `used` bytes each, shape (rows, used). The last one need not be padded."""
-    if rows == 0 or len(plane) < stride * (rows - 1) + used:
-        raise _TooShort
+    """Rows of `used` bytes each, shape (rows, used), without their padding."""
     padded = plane if len(plane) >= stride * rows else plane.ljust(stride * rows, b"\0")
     flat = np.frombuffer(padded, dtype=np.uint8, count=stride * rows)
     return np.ascontiguousarray(flat.reshape(rows, stride)[:, :used])
 
 
-def _packed(channels: int, code: int | None) -> Callable[[list[bytes], int, int, int], NDArray[np.uint8]]:
-    """Reader of a format with all channels of a pixel together; `code` of OpenCV's conversion, None for blue, green, red."""
+def _packed(channels: int, code: int | None) -> Layout:
+    """All channels of a pixel together; `code` of OpenCV's conversion, None for blue, green, red."""
 
-    def read(planes: list[bytes], width: int, height: int, stride: int) -> NDArray[np.uint8]:
-        pixels = _rows(planes[0], height, stride, width * channels).reshape(height, width, channels)
-        return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code), dtype=np.uint8)
+    def convert(planes: list[NDArray[np.uint8]]) -> Any:
+        pixels = planes[0].reshape(len(planes[0]), -1, channels)
+        return pixels if code is None else cv2.cvtColor(pixels, code)
 
-    return read
-
-
-def _half_planar(code: int) -> Callable[[list[bytes], int, int, int], NDArray[np.uint8]]:
-    def read(planes: list[bytes], width: int, height: int, stride: int) -> NDArray[np.uint8]:
-        luma = _rows(planes[0], height, stride, width)
-        chroma = _rows(planes[1], height // 2, stride, width).reshape(height // 2, width // 2, 2)
-        return np.asarray(cv2.cvtColorTwoPlane(luma, chroma, code), dtype=np.uint8)
-
-    return read
+    return Layout(planes=((1, 1, 2 * channels),), to_bgr=convert)
 
 
-def _planar(planes: list[bytes], width: int, height: int, stride: int) -> NDArray[np.uint8]:
-    parts = [_rows(planes[0], height, stride, width)]
-    parts += [_rows(plane, height // 2, stride // 2, width // 2) for plane in (planes[1], planes[2])]
-    stacked = np.concatenate([part.ravel() for part in parts]).reshape(height * 3 // 2, width)
-    return np.asarray(cv2.cvtColor(stacked, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8)
+def _nv12(planes: list[NDArray[np.uint8]]) -> Any:
+    luma, chroma = planes
+    return cv2.cvtColorTwoPlane(luma, chroma.reshape(len(chroma), -1, 2), cv2.COLOR_YUV2BGR_NV12)
 
 
-def _no_pixels(planes: list[bytes], width: int, height: int, stride: int) -> NDArray[np.uint8]:
-    raise ValueError(f"{len(planes)} planes of {width}x{height} JPEG (stride {stride}) are decoded elsewhere")
+def _yuv420(planes: list[NDArray[np.uint8]]) -> Any:
+    width = planes[0].shape[1]
+    return cv2.cvtColor(np.concatenate([plane.ravel() for plane in planes]).reshape(-1, width), cv2.COLOR_YUV2BGR_I420)
 
 
-PICTURE_FORMATS: dict[str, Callable[[list[bytes], int, int, int], NDArray[np.uint8]]] = {
-    JPEG: _no_pixels,
+def _decoded_elsewhere(planes: list[NDArray[np.uint8]]) -> Any:
+    raise ValueError(f"{len(planes)} planes of JPEG: `decode` reads them")
+
+
+PICTURE_FORMATS = {
+    JPEG: Layout(planes=(), to_bgr=_decoded_elsewhere),
     "RGB888": _packed(3, None),
     "BGR888": _packed(3, cv2.COLOR_RGB2BGR),
     "XRGB8888": _packed(4, cv2.COLOR_BGRA2BGR),
     "XBGR8888": _packed(4, cv2.COLOR_RGBA2BGR),
     "YUYV": _packed(2, cv2.COLOR_YUV2BGR_YUYV),
-    "NV12": _half_planar(cv2.COLOR_YUV2BGR_NV12),
-    "YUV420": _planar,
+    "NV12": Layout(planes=((1, 1, 2), (2, 1, 2)), to_bgr=_nv12),
+    "YUV420": Layout(planes=((1, 1, 2), (2, 2, 1), (2, 2, 1)), to_bgr=_yuv420),
 }
-"""Readers by libcamera's names of the formats, the one liked best first: JPEG is recorded as it came, the next need no
-conversion of colours, the last carry the least."""
+"""By libcamera's names of the formats, the one liked best first: JPEG is recorded as it came, the next need no conversion of
+colours, the last carry the least."""

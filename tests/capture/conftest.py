@@ -1,10 +1,12 @@
 """Fixtures for the capture tests."""
 
+import sys
 from collections.abc import Callable
 
 import pytest
 from kernel_camera import KernelCamera
 from linuxpy.video import device as linux
+from played_libcamera import PlayedLibcamera
 
 
 @pytest.fixture
@@ -22,3 +24,12 @@ def play_camera(monkeypatch) -> Callable[..., KernelCamera]:
     yield play
     for camera in cameras:
         camera.close()
+
+
+@pytest.fixture
+def play_libcamera(monkeypatch) -> PlayedLibcamera:
+    """libcamera's bindings, played: `.plug()` makes a camera."""
+    played = PlayedLibcamera()
+    monkeypatch.setitem(sys.modules, "libcamera", played)
+    yield played
+    played.manager.close()

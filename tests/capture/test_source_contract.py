@@ -17,6 +17,7 @@ from dnb_edge.capture.source import FrameSource, open_source
 from dnb_edge.values import Clock, Frame, SourceInfo, StampSource
 
 CAMERA = os.environ.get("DNB_EDGE_TEST_CAMERA")
+LIBCAMERA = os.environ.get("DNB_EDGE_TEST_LIBCAMERA")
 
 
 @dataclass(frozen=True)
@@ -28,16 +29,16 @@ class Case:
     prompt: Callable[[int], None] = lambda _i: None
 
 
-def video_case(tmp_path, play_camera) -> Case:
-    clip = write_clip(tmp_path / "clip.mp4")
+def video_case(fixture) -> Case:
+    clip = write_clip(fixture("tmp_path") / "clip.mp4")
     return Case(open=lambda: open_source(f"file:{clip}"), take=12)
 
 
-def simulator_case(tmp_path, play_camera) -> Case:
+def simulator_case(fixture) -> Case:
     return Case(open=lambda: open_source("sim:?laps=1&seed=4&fps=5"), take=8)
 
 
-def recording_case(tmp_path, play_camera) -> Case:
+def recording_case(fixture) -> Case:
     info = SourceInfo(uri="mcap:a.mcap", width_px=32, height_px=16, nominal_fps=None, clock=Clock.MONOTONIC, live=False)
     jpeg = cv2.imencode(".jpg", np.zeros((16, 32, 3), dtype=np.uint8))[1].tobytes()
     frames = [
@@ -48,8 +49,8 @@ def recording_case(tmp_path, play_camera) -> Case:
     return Case(open=lambda: open_source("mcap:a.mcap", open_recording=opened), take=4)
 
 
-def played_camera_case(tmp_path, play_camera) -> Case:
-    camera = play_camera()
+def played_camera_case(fixture) -> Case:
+    camera = fixture("play_camera")()
     jpeg = cv2.imencode(".jpg", np.zeros((48, 64, 3), dtype=np.uint8))[1].tobytes()
     settings = CaptureSettings(width_px=64, height_px=48)
     return Case(
@@ -59,7 +60,7 @@ def played_camera_case(tmp_path, play_camera) -> Case:
     )
 
 
-def real_camera_case(tmp_path, play_camera) -> Case:
+def real_camera_case(fixture) -> Case:
     if CAMERA is None:
         pytest.skip("no camera to test with: set DNB_EDGE_TEST_CAMERA=/dev/video0 (and _SIZE=640x480, _FPS=15) to one")
     width, height = os.environ.get("DNB_EDGE_TEST_CAMERA_SIZE", "1280x720").split("x")
@@ -68,9 +69,39 @@ def real_camera_case(tmp_path, play_camera) -> Case:
     return Case(open=lambda: open_source(f"v4l2:{CAMERA}", settings), take=20)
 
 
-@pytest.fixture(params=[video_case, simulator_case, recording_case, played_camera_case, real_camera_case])
-def case(request, tmp_path, play_camera) -> Case:
-    return request.param(tmp_path, play_camera)
+def played_libcamera_case(fixture) -> Case:
+    camera = fixture("play_libcamera").plug()
+    jpeg = cv2.imencode(".jpg", np.zeros((48, 64, 3), dtype=np.uint8))[1].tobytes()
+    settings = CaptureSettings(width_px=64, height_px=48)
+    return Case(
+        open=lambda: open_source(f"libcamera:{camera.id}", settings),
+        take=9,
+        prompt=lambda i: camera.finish(jpeg, sequence=i, sensor_ns=1000 + 33_333_000 * i),
+    )
+
+
+def real_libcamera_case(fixture) -> Case:
+    if LIBCAMERA is None:
+        pytest.skip("no libcamera camera to test with: set DNB_EDGE_TEST_LIBCAMERA=0 (and DNB_EDGE_TEST_CAMERA_SIZE)")
+    width, height = os.environ.get("DNB_EDGE_TEST_CAMERA_SIZE", "1280x720").split("x")
+    settings = CaptureSettings(width_px=int(width), height_px=int(height))
+    return Case(open=lambda: open_source(f"libcamera:{LIBCAMERA}", settings), take=20)
+
+
+CASES = [
+    video_case,
+    simulator_case,
+    recording_case,
+    played_camera_case,
+    real_camera_case,
+    played_libcamera_case,
+    real_libcamera_case,
+]
+
+
+@pytest.fixture(params=CASES)
+def case(request) -> Case:
+    return request.param(request.getfixturevalue)
 
 
 def taken(case: Case, source: FrameSource, count: int) -> list[Frame]:
