@@ -3,8 +3,9 @@
 import pytest
 from played import frame
 
+from dnb_edge.daemon.machine import MachineState
 from dnb_edge.daemon.meter import Meter
-from dnb_edge.values import Observation
+from dnb_edge.values import LostFrames, Observation
 
 
 def meter(**given) -> Meter:
@@ -94,3 +95,71 @@ def test_health_says_all_that_is_wrong() -> None:
     health = counts.health(display="none", recording="none", warnings=("display offline",))
     assert health.warnings == ("not scored", "3 unreadable pictures", "display offline")
     assert (health.view_error_mean_px, health.view_error_mean_m) == (1.5, 0.002)
+
+
+LIVE = MachineState(temperature_c=85.0, throttled=True, memory_bytes=100_000_000, disk_free_bytes=10**10)
+
+
+def test_percentiles_of_latency_are_those_of_the_whole_run() -> None:
+    """p95 and p99 since the run began, beside the median of the period."""
+    counts = meter()
+    for milliseconds in range(1, 101):
+        counts.latency(float(milliseconds))
+    counts.health(display="none", recording="none")
+    health = counts.health(display="none", recording="none")
+    assert health.latency_ms is None
+    assert health.latency_p95_ms == pytest.approx(95.0, rel=0.021)
+    assert health.latency_p99_ms == pytest.approx(99.0, rel=0.021)
+
+
+def test_the_machine_is_told_with_its_warnings_after_the_others() -> None:
+    """What the race itself suffers from comes first."""
+    counts = meter()
+    health = counts.health(display="none", recording="none", warnings=("away",), machine=LIVE, queued_frames=2)
+    assert (health.temperature_c, health.throttled, health.memory_bytes) == (85.0, True, 100_000_000)
+    assert (health.disk_free_bytes, health.queued_frames) == (10**10, 2)
+    assert health.warnings[0] == "away"
+    assert len(health.warnings) == 3
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        ("queue", "this machine is too slow for the camera's rate"),
+        ("overtaken", "this machine is too slow for the camera's rate"),
+        ("gap", "the camera or its cable loses them"),
+        ("short", "they come cut off, check the camera's cable"),
+        ("odd", "odd"),
+    ],
+)
+def test_frames_lost_in_a_period_are_a_warning_with_their_reason(reason: str, words: str) -> None:
+    """More than 2 % of a live source's last period; gone with the next period without. Files warn of none."""
+    counts, told = meter(), []
+    for period, lost in enumerate((2, 3, 3)):
+        counts.lost_before = (LostFrames(reason=reason, frames=lost),)
+        for i in range(100):
+            counts.frame(frame(period * 100 + i))
+        told.append(counts.health(display="none", recording="none", machine=MachineState()).warnings)
+        assert counts.lost == counts.lost_before
+    # 2 of 101 frames, 1 of 101, none.
+    assert told == [(), (), ()]
+    counts.lost_before = (LostFrames(reason=reason, frames=13),)
+    counts.frame(frame(1000))
+    for i in range(89):
+        counts.frame(frame(1001 + i))
+    health = counts.health(display="none", recording="none", machine=MachineState())
+    assert health.warnings == (f"10 % of frames lost: {words}",)
+    counts.frame(frame(2000))
+    assert counts.health(display="none", recording="none", machine=MachineState()).warnings == ()
+    counts.lost_before = (LostFrames(reason=reason, frames=200),)
+    counts.frame(frame(2001))
+    assert counts.health(display="none", recording="none").warnings == ()
+
+
+def test_what_the_race_left_out_is_lost_too() -> None:
+    """Unreadable pictures and stamps that run backwards, beside what the feed lost."""
+    counts = meter()
+    counts.lost_before = (LostFrames(reason="queue", frames=1),)
+    counts.unreadable_frames, counts.misstamped_frames = 2, 3
+    lost = counts.health(display="none", recording="none").lost
+    assert [(one.reason, one.frames) for one in lost] == [("queue", 1), ("stamp", 3), ("unreadable", 2)]

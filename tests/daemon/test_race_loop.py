@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from played import Camera, Clip, Panel, Watcher, frame, info, wait_until
+from played import Camera, Clip, Panel, Watcher, frame, info, scene, wait_until
 
 from dnb_edge.assembly import assemble
+from dnb_edge.capture.picture_health import REMEDIES, PictureFault
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
@@ -221,3 +222,61 @@ def test_a_warning_is_told_again_only_after_it_was_gone(track: Track, caplog: py
         track.race(feed, Moody()).run()
     assert [health.display for health in track.diary.healths][:4] == ["offline", "offline", "online", "offline"]
     assert warned(caplog) == ["display offline: unplugged"] * 2
+
+
+def test_every_frame_that_is_missing_is_told_with_its_reason(track: Track) -> None:
+    """A gap in the source's numbers, an unreadable picture and a stamp out of order: together they are what was dropped."""
+    frames = [frame(i) for i in range(120) if i not in (30, 31)]
+    frames[50] = frame(frames[50].sequence, jpeg=b"\xff\xd8 torn")
+    frames[60] = frame(frames[60].sequence, t_ns=0)
+    with FrameFeed(Clip(frames), never) as feed:
+        track.race(feed).run()
+    last = track.diary.healths[-1]
+    assert [(one.reason, one.frames) for one in last.lost] == [("gap", 2), ("stamp", 1), ("unreadable", 1)]
+    assert last.dropped_frames == 4
+    assert (last.queued_frames, last.memory_bytes, last.latency_p95_ms) == (None, None, None)
+
+
+def test_a_camera_that_repeats_its_picture_is_opened_anew(
+    track: Track, in_background: list[threading.Thread], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After 5 s by its stamps it is renewed, after 10 s more again if that did not help; then it shows something new."""
+    monkeypatch.setattr(feed_module, "BACK_OFF_S", (0.001,))
+    cameras = [Camera(), Camera(), Camera()]
+    back = iter(cameras[1:])
+    with FrameFeed(cameras[0], lambda: next(back)) as feed:
+        race = track.race(feed, live=True)
+        thread = threading.Thread(target=race.run)
+        in_background.append(thread)
+        thread.start()
+
+        def film_until_closed(camera: Camera, since_s: float) -> float:
+            """Shoots the same picture ten times a second; the stamp of the last one, seconds."""
+            for tenth in range(round(since_s * 10), 400):
+                raced = race.meter.frames
+                camera.shoot(frame(tenth, t_ns=tenth * 100_000_000, bgr=scene(1)))
+                wait_until(lambda before=raced: camera.closed or race.meter.frames > before)
+                if camera.closed:
+                    return tenth / 10
+            raise AssertionError("never closed")
+
+        first_s = film_until_closed(cameras[0], 0.0)
+        second_s = film_until_closed(cameras[1], first_s + 0.1)
+        raced = race.meter.frames
+        cameras[2].shoot(*(frame(i, t_ns=30_000_000_000 + i * 200_000_000) for i in range(2)))
+        wait_until(lambda: race.meter.frames == raced + 2)
+        track.stop.set()
+        thread.join()
+    assert 5.0 <= first_s <= 5.8
+    assert 10.0 <= second_s - first_s <= 10.8
+    assert any(REMEDIES[PictureFault.FROZEN] in health.warnings for health in track.diary.healths)
+
+
+def test_ready_is_told_once_with_the_first_frame(track: Track) -> None:
+    """A configuration is good once it races, not before."""
+    told: list[int] = []
+    with FrameFeed(Clip([frame(0, jpeg=b"\xff\xd8 torn"), frame(1), frame(2)]), never) as feed:
+        race = track.race(feed)
+        race.on_ready = lambda: told.append(race.meter.frames)
+        race.run()
+    assert told == [0]
