@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import types
 import typing
 from collections.abc import Callable, Hashable, Sequence
@@ -54,14 +55,19 @@ def event_to_json(event: values.Event) -> str:
 
 def from_dict(cls: type[T], data: dict[str, Any]) -> T:
     """The instance of dataclass `cls` that `to_dict` made `data` from. Unknown members are ignored, so that newer
-    recordings stay readable; a missing member without a default raises `ValueError`."""
+    recordings stay readable; a missing member without a default, one of another type, a number that is not finite and a whole
+    number beyond 64 bits raise `ValueError`."""
     made: T = _reader(typing.cast("Hashable", cls))(data)
     return made
 
 
 def from_json(cls: type[T], text: bytes) -> T:
-    """The instance of dataclass `cls` behind one JSON object in UTF-8; raises as `from_dict` and `json.loads` do."""
-    return from_dict(cls, _loaded(text))
+    """The instance of dataclass `cls` behind one JSON object in UTF-8. Raises `ValueError` where that is none, and as
+    `from_dict` does."""
+    try:
+        return from_dict(cls, _loaded(text))
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
 
 
 def json_schema(cls: type) -> dict[str, Any]:
@@ -113,10 +119,9 @@ def _reader(cls: Any) -> Read:
     typed = tuple((name, read) for name, read in readers.items() if read is not None)
 
     def read_instance(data: Any) -> Any:
-        if isinstance(data, dict) and data.keys() == names:
-            known = data.copy()
-        else:
-            known = {name: data[name] for name in names if name in data}
+        if not isinstance(data, dict):
+            raise ValueError(f"{_shown(data)} where a {cls.__name__} is wanted")  # noqa: TRY004 one kind of error
+        known = data.copy() if data.keys() == names else {name: data[name] for name in names if name in data}
         for name, read in typed:
             if name in known:
                 known[name] = read(known[name])
@@ -143,7 +148,7 @@ def _reader_of(kind: Any) -> Read | None:
         return _reader(typing.cast("Hashable", kind))
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind
-    return float if kind is float else None
+    return _READERS.get(origin if origin is dict else kind)
 
 
 def _optional(read: Read) -> Read:
@@ -152,21 +157,80 @@ def _optional(read: Read) -> Read:
 
 def _row(read: Read | None) -> Read:
     """Of a tuple of any length, all of one type."""
-    return tuple if read is None else lambda value: tuple(map(read, value))
+    return lambda value: tuple(_listed(value) if read is None else map(read, _listed(value)))
 
 
 def _fixed_row(reads: Sequence[Read | None]) -> Read:
     """Of a tuple with a type for each place. Raises `ValueError` where there are more or fewer items than places."""
-    if all(read is float for read in reads):
+    if all(read is _number for read in reads):
         count = len(reads)
 
         def floats(value: Any) -> tuple[float, ...]:
-            if len(value) != count:
+            if len(_listed(value)) != count:
                 raise ValueError(f"{len(value)} numbers where {count} are wanted")
-            return tuple(map(float, value))
+            return tuple(map(_number, value))
 
         return floats
-    return lambda value: tuple(item if read is None else read(item) for read, item in zip(reads, value, strict=True))
+    return lambda value: tuple(
+        item if read is None else read(item) for read, item in zip(reads, _listed(value), strict=True)
+    )
+
+
+def _listed(value: Any) -> Any:
+    """`value`, a list. Raises `ValueError` where it is none."""
+    if value.__class__ is not list and not isinstance(value, list | tuple):
+        raise ValueError(f"{_shown(value)} where a list is wanted")
+    return value
+
+
+def _number(value: Any) -> float:
+    """A finite number. Raises `ValueError` for anything else."""
+    if value.__class__ is not float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{_shown(value)} where a number is wanted")
+        value = float(value) if abs(value) < _BEYOND_WHOLE else math.inf
+    if value - value != 0.0:
+        raise ValueError(f"{value} where a finite number is wanted")
+    return typing.cast("float", value)
+
+
+def _whole(value: Any) -> int:
+    """A whole number of 64 bits. Raises `ValueError` for anything else."""
+    if value.__class__ is not int or not -_BEYOND_WHOLE < value < _BEYOND_WHOLE:
+        raise ValueError(f"{_shown(value)} where a whole number is wanted")
+    return value
+
+
+def _text(value: Any) -> str:
+    """Text. Raises `ValueError` for anything else."""
+    if not isinstance(value, str):
+        raise ValueError(f"{_shown(value)} where text is wanted")  # noqa: TRY004 one kind of error
+    return value
+
+
+def _truth(value: Any) -> bool:
+    """True or False. Raises `ValueError` for anything else."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{_shown(value)} where true or false is wanted")  # noqa: TRY004 one kind of error
+    return value
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    """A copy of an object of plain JSON. Raises `ValueError` for anything else."""
+    if not isinstance(value, dict):
+        raise ValueError(f"{_shown(value)} where an object is wanted")  # noqa: TRY004 one kind of error
+    return dict(value)
+
+
+def _shown(value: Any) -> str:
+    """`value` as an error tells it."""
+    text = repr(value) if isinstance(value, str | float | bool | None) else type(value).__name__
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+_READERS: dict[Any, Read] = {float: _number, int: _whole, str: _text, bool: _truth, dict: _mapping}
+_BEYOND_WHOLE = 2**63
+_SHOWN = 60
 
 
 def _schema_of(kind: Any) -> dict[str, Any]:

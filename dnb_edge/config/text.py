@@ -52,6 +52,10 @@ def plain(text: str, look: Callable[[yaml.Node], None] | None = None) -> Any:
     """
     if len(text) > MOST_CHARACTERS:
         raise _fault(f"longer than {MOST_CHARACTERS} characters")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise _fault("it holds what is no character") from error
     _check_nesting(text)
     reader = ConfigLoader(text)
     try:

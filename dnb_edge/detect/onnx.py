@@ -179,7 +179,7 @@ def _read_card(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{card_path}: the model's card cannot be read ({fault.strerror}); put it beside {path.name}"
         ) from fault
-    except ValueError as fault:
+    except (ValueError, RecursionError) as fault:
         raise InputError(f"{card_path}: not a model card in JSON ({fault}); install the model again") from fault
     if not isinstance(card, dict) or not isinstance(card.get("sha256"), str):
         raise InputError(f"{card_path}: the card has no 'sha256' of the model; install the model again")

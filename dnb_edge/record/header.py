@@ -18,6 +18,8 @@ FORMAT = 1
 """Version of the layout that docs/recording.md describes; readers refuse a higher one."""
 
 SETUP_NAME = "setup.json"
+MAX_SETUP_BYTES = 8 * 1024 * 1024
+"""A track of 20 000 points takes 2 MB."""
 METADATA_NAME = "dnb-edge"
 LOSS_METADATA_NAME = "dnb-edge/loss"
 RECOVERY_METADATA_NAME = "dnb-edge/recovery"
@@ -79,26 +81,20 @@ class RunHeader:
 
 def header_from_json(text: str | bytes) -> RunHeader:
     """The header that `RunHeader.to_json` made `text` from. Raises ValueError with the reason in a few words."""
-    data = json.loads(text)
+    if len(text) > MAX_SETUP_BYTES:
+        raise ValueError(f"{SETUP_NAME} has {len(text)} bytes, more than the {MAX_SETUP_BYTES} that are read")
+    try:
+        data = json.loads(text)
+    except RecursionError as error:
+        raise ValueError(f"{SETUP_NAME} is nested too deeply") from error
     if not isinstance(data, dict):
         raise ValueError(f"{SETUP_NAME} is not an object")  # noqa: TRY004 - one kind of error for one kind of fault
     found = data.get("format")
     if not isinstance(found, int) or found > FORMAT:
         raise ValueError(f"format {found} is not known to dnb-edge {__version__} (it knows {FORMAT}): update dnb-edge")
     try:
-        return RunHeader(
-            name=str(data["name"]),
-            setup=dict(data["setup"]),
-            config=dict(data["config"]),
-            source=wire.from_dict(SourceInfo, data["source"]),
-            versions=dict(data["versions"]),
-            wall_offset_ns=data["wall_offset_ns"],
-            entry=None if data.get("entry") is None else wire.from_dict(EntryInfo, data["entry"]),
-            session=data.get("session"),
-            identity=dict(data.get("identity", {})),
-            resumed_from=data.get("resumed_from"),
-        )
-    except (KeyError, TypeError) as error:
+        return wire.from_dict(RunHeader, data)
+    except ValueError as error:
         raise ValueError(f"{SETUP_NAME} is incomplete: {error}") from error
 
 
