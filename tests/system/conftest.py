@@ -3,14 +3,21 @@
 import logging
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
+
+HERE = Path(__file__).parent
+# Cars with a marker on the roof are drawn by the detector's own tests.
+sys.path.append(str(HERE.parent / "detect"))
+
+from harness import reel
 from harness.guest import Guest, GuestFault
 from harness.image import BuildFailed, image, obstacle
 from harness.recipe import CACHE
+from harness.webcam import Webcam
 
-HERE = Path(__file__).parent
 log = logging.getLogger("system-test")
 
 
@@ -63,6 +70,14 @@ def boot_guest(system_image, logs):
     yield boot
     for one in booted:
         _end(one)
+
+
+@pytest.fixture
+def webcam():
+    """A USB webcam over the simulated oval, not yet plugged in: `webcam.plug(guest)`."""
+    camera = Webcam(reel.pictures)
+    yield camera
+    camera.close()
 
 
 def _end(guest):

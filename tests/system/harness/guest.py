@@ -190,7 +190,17 @@ class Guest:
             self._port = probe.getsockname()[1]
         drive = self._drive or ("-drive", f"file={self.disk},if=virtio,format=qcow2,cache=none,discard=unmap")
         with (self.logs / "qemu.log").open("ab") as output:
-            words = [*_machine(self.image, self._memory_mb), *drive, *self._wires(), *self._extra, *more]
+            # The machine dies with this process, whatever ends it.
+            words = [
+                "setpriv",
+                "--pdeathsig",
+                "KILL",
+                *_machine(self.image, self._memory_mb),
+                *drive,
+                *self._wires(),
+                *self._extra,
+                *more,
+            ]
             # A session of its own: Ctrl-C is for pytest, which then ends the guest.
             self._process = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True

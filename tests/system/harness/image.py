@@ -68,6 +68,7 @@ def obstacle() -> str | None:
         "mmdebstrap": "mmdebstrap",
         "mke2fs": "e2fsprogs",
         "ssh": "openssh-client",
+        "setpriv": "util-linux",
         "ssh-keygen": "openssh-client",
     }
     missing = [package for program, package in wanted.items() if shutil.which(program) is None]
@@ -77,9 +78,12 @@ def obstacle() -> str | None:
 
 
 def image() -> Image:
-    """The image of this checkout, built where it is not cached. Raises `BuildFailed` where it cannot be."""
-    key = recipe.package_key()
-    folder = recipe.CACHE / f"image-{key}"
+    """The image of this checkout, built where it is not cached. Raises `BuildFailed` where it cannot be.
+
+    `DNB_EDGE_SYSTEM_IMAGE` names the folder of an older one to take as it is, while the package under it is being worked on.
+    """
+    chosen = os.environ.get("DNB_EDGE_SYSTEM_IMAGE")
+    folder = Path(chosen).resolve() if chosen else recipe.CACHE / f"image-{recipe.package_key()}"
     made = Image(
         folder=folder,
         disk=folder / "disk.img",
