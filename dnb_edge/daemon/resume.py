@@ -48,10 +48,10 @@ log = logging.getLogger(__name__)
 RESUME_WITHIN_S = 600.0
 """How long a run may have been dead, seconds: whoever comes back later comes for another race."""
 
-_SHOWN = (Crossing, Incident, Lap, RaceState, Score, Standings)
+SHOWN = (Crossing, Incident, Lap, RaceState, Score, Standings)
 """What a board is made of, besides what comes anew with every frame."""
 
-_SHOWN_TOPICS: dict[str, type[Any]] = {EVENT_TOPICS[kind]: kind for kind in _SHOWN}
+_SHOWN_TOPICS: dict[str, type[Any]] = {EVENT_TOPICS[kind]: kind for kind in SHOWN}
 _HEALTH_TOPIC = EVENT_TOPICS[Health]
 _SUMMARY_TOPIC = EVENT_TOPICS[RunSummary]
 _NOT_OF_THE_CORE = frozenset({_HEALTH_TOPIC, _SUMMARY_TOPIC})

@@ -17,6 +17,8 @@ from circle import circle_setup, frames, on_circle
 
 from dnb_edge.core import Core
 from dnb_edge.daemon.catchup import ResumedCore
+from dnb_edge.daemon.resume import SHOWN
+from dnb_edge.display.state import BoardState
 from dnb_edge.values import Event, FrameDetections, Lap, PointM
 
 OMEGA = 2.2
@@ -111,3 +113,17 @@ def test_what_fails_in_the_thread_is_raised_in_the_race() -> None:
     core.wait()
     with pytest.raises(ValueError, match="is not later than"):
         core.step(FRAMES[2])
+
+
+def test_a_board_of_what_was_saved_shows_the_same_standings() -> None:
+    """The kinds of events that are given to boards at a restart make up laps, standings and the race's state."""
+    told = [event for events in TOLD for event in events]
+    before, again = BoardState(), BoardState()
+    for event in told:
+        before = before.after(event)
+        again = again.after(event) if isinstance(event, SHOWN) else again
+    assert len(laps_in(told)) == 3
+    assert again.standings == before.standings
+    assert again.standings is not None
+    assert (again.race, again.told, again.told_count) == (before.race, before.told, before.told_count)
+    assert (again.shown.lap_number, again.phase) == (before.shown.lap_number, before.phase)
