@@ -28,9 +28,10 @@ from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import damage_text, read_run
 from dnb_edge.record.recover import Leftover, Recovery, recover_directory, recover_file
+from dnb_edge.record.retention import Limits, pin, prune, unpin
 from dnb_edge.values import Lap
 
-app = typer.Typer(help="List, recover and export recordings.", no_args_is_help=True)
+app = typer.Typer(help="List, recover, prune, pin and export recordings.", no_args_is_help=True)
 
 Directory = Annotated[Path, typer.Argument(help="The directory with the recordings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout.")]
@@ -118,6 +119,58 @@ def recover(
     failed = [result for result in results if isinstance(result, Leftover)]
     if failed:
         raise WorkError(f"{len(failed)} of {len(results)} files could not be recovered")
+
+
+@app.command("prune")
+def prune_runs(
+    directory: Directory,
+    *,
+    keep_free_mb: Annotated[float, typer.Option(min=0, help="Room to leave on the disk, megabytes.")] = 200.0,
+    max_total_gb: Annotated[
+        float | None, typer.Option(min=0, help="Most that the recordings take together, gigabytes. Default: no limit.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Delete the oldest recordings in DIRECTORY, pictures first, until there is room.
+
+    Never one that is pinned, is being recorded or was renamed.
+    """
+    limits = Limits(
+        keep_free_bytes=round(keep_free_mb * 1e6),
+        max_total_bytes=None if max_total_gb is None else round(max_total_gb * 1e9),
+    )
+    removals = prune(directory, limits, dry_run=dry_run)
+    for one in removals:
+        what = "pictures of " if one.pictures_only else ""
+        done = "would delete" if dry_run else "deleted"
+        told = {
+            "name": one.name,
+            "pictures_only": one.pictures_only,
+            "size_bytes": one.size_bytes,
+            "files": [path.name for path in one.files],
+            "why": one.why,
+            "deleted": not dry_run,
+        }
+        text = f"{done} {what}{one.name}, {one.size_bytes / 1e6:.1f} MB: {one.why}"
+        typer.echo(json.dumps(told) if as_json else text)
+    if not removals and not as_json:
+        typer.echo("nothing to delete")
+
+
+@app.command("pin")
+def pin_runs(runs: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="RUN...")]) -> None:
+    """Keep recordings for ever, whatever the room."""
+    for run in runs:
+        typer.echo(f"{run.name} is kept: {pin(run).name}")
+
+
+@app.command("unpin")
+def unpin_runs(runs: Annotated[list[Path], typer.Argument(help="Recordings.", metavar="RUN...")]) -> None:
+    """Let recordings go again when room is short."""
+    for run in runs:
+        unpin(run)
+        typer.echo(f"{run.name} may go when room is short")
 
 
 @app.command("export")

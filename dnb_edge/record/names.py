@@ -22,10 +22,12 @@ def boot_tag() -> str:
         return secrets.token_hex(4)
 
 
-def create_next(directory: Path, tag: str) -> DurableFile:
-    """Create the next recording of boot `tag` in `directory`, colliding with none. Raises OSError."""
+def create_next(directory: Path, tag: str, *, after: str = "") -> DurableFile:
+    """Create the next recording of boot `tag` in `directory`, colliding with none, nor with `after`. Raises OSError."""
     pattern = re.compile(rf"run-{re.escape(tag)}-(\d+)")
-    taken = [int(match[1]) for match in map(pattern.match, (path.name for path in directory.iterdir())) if match]
+    taken = [
+        int(match[1]) for match in map(pattern.match, (after, *(path.name for path in directory.iterdir()))) if match
+    ]
     number = max(taken, default=0) + 1
     while True:
         try:

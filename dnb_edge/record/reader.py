@@ -6,6 +6,8 @@ Knows the layout that docs/recording.md describes. Knows nothing of scoring. A f
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,6 +35,7 @@ from dnb_edge.record.header import (
     RunHeader,
     header_from_json,
 )
+from dnb_edge.record.names import pictures_files
 from dnb_edge.record.scan import Damage, LinearReader, Record
 from dnb_edge.values import Event, Frame, FrameDetections
 
@@ -41,6 +44,10 @@ T = TypeVar("T")
 COMPRESSED_IMAGE_DATA_FIELD = 2
 """Field number of `data` in foxglove.CompressedImage."""
 
+MOST_DIGITS = 19
+"""Of a count that a recording tells of itself."""
+KEPT_OVERHEAD_BYTES = 128
+"""What a kept message takes in memory besides its text, however short that is."""
 KEPT_BYTES = 64 * 1024 * 1024
 """Most text of detections that is kept in memory: that of a car over two hours."""
 
@@ -77,9 +84,17 @@ class RecordedRun:
             yield _decoded(path, topic, JSON_TOPICS[topic], message.data, message.log_time)
 
     def detections(self) -> Iterator[FrameDetections]:
-        """What the pure core was given, frame by frame."""
+        """What the pure core was given, frame by frame. Raises InputError where one is malformed or stamps run backwards."""
         texts = self._detection_texts() if self.kept is None else self.kept
-        return (_decoded(self.path, DETECTIONS_TOPIC, FrameDetections, text, t_ns) for t_ns, text in texts)
+        last: FrameDetections | None = None
+        for t_ns, text in texts:
+            found = _decoded(self.path, DETECTIONS_TOPIC, FrameDetections, text, t_ns)
+            if last is not None and found.t_ns <= last.t_ns:
+                raise InputError(
+                    f"{self.path}: frame {found.sequence} comes before frame {last.sequence} in time: it is not of one run"
+                )
+            last = found
+            yield found
 
     def _detection_texts(self) -> Iterator[tuple[int, bytes]]:
         for _, _, message in self._stored((DETECTIONS_TOPIC,)):
@@ -152,7 +167,7 @@ def _read_file(path: Path, *, tolerate_damage: bool, keep_detections: bool) -> R
     for record in _records(reader, path):
         match record:
             case Message(log_time=t_ns, data=data):
-                room -= len(data)
+                room -= len(data) + KEPT_OVERHEAD_BYTES
                 if room > 0:
                     kept.append((t_ns, data))
                 else:
@@ -186,11 +201,16 @@ def _read_file(path: Path, *, tolerate_damage: bool, keep_detections: bool) -> R
 def iter_frames(path: Path) -> Iterator[Frame]:
     """The recorded pictures with their stamps and the source's own frame numbers, as JPEG, of all files of the recording.
 
-    Raises InputError.
+    Those in the rings beside the files are among them, each picture once, in the order of their stamps. Raises InputError.
     """
-    for earlier in chain_of(read_head(path)).earlier:
-        yield from _file_frames(earlier, whole=False)
-    yield from _file_frames(path, whole=True)
+    last_t_ns: int | None = None
+    for file in (*chain_of(read_head(path)).earlier, path):
+        ring = itertools.chain.from_iterable(_file_frames(one, whole=False) for one in pictures_files(file))
+        own = _file_frames(file, whole=file == path)
+        for frame in heapq.merge(own, ring, key=lambda frame: frame.t_ns):
+            if last_t_ns is None or frame.t_ns > last_t_ns:
+                last_t_ns = frame.t_ns
+                yield frame
 
 
 def _file_frames(path: Path, *, whole: bool) -> Iterator[Frame]:
@@ -275,4 +295,4 @@ def _losses(metadata: dict[str, dict[str, str]]) -> tuple[int, tuple[str, ...]]:
 
 
 def _count(text: str | None) -> int:
-    return int(text) if text is not None and text.isdecimal() else 0
+    return int(text) if text is not None and text.isdecimal() and len(text) < MOST_DIGITS else 0

@@ -205,7 +205,7 @@ def _too_much(runs: Sequence[StoredRun], limits: Limits, room: Room) -> str | No
         return f"{room.free_bytes / 1e6:.0f} MB free, {wanted / 1e6:.0f} wanted"
     total = sum(run.size_bytes for run in runs)
     if limits.max_total_bytes is not None and total > limits.max_total_bytes:
-        return f"{total / 1e9:.2f} GB of recordings, {limits.max_total_bytes / 1e9:.2f} allowed"
+        return f"{total / 1e9:.3g} GB of recordings, {limits.max_total_bytes / 1e9:.3g} allowed"
     return None
 
 

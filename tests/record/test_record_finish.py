@@ -1,0 +1,128 @@
+"""A recording that was cut short is ended where it stands: the stock reader finds all that is whole, whatever was cut."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from record_samples import chunk_spans, small_run
+
+from dnb_edge.errors import WorkError
+from dnb_edge.record.reader import read_run
+from dnb_edge.record.recover import recover_file
+from dnb_edge.record.scan import LinearReader, Message
+
+
+@pytest.fixture(scope="module")
+def whole_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_run(tmp_path_factory.mktemp("whole"), frames=24, laps_every=8)
+
+
+def cut_at(whole_path: Path, place: Path, offset: int) -> Path:
+    """A `.part` of the first `offset` bytes."""
+    part = place / f"{whole_path.name}.part"
+    shutil.copyfile(whole_path, part)
+    os.truncate(part, offset)
+    return part
+
+
+def by_index(path: Path) -> list[tuple[str, int, bytes]]:
+    """All messages as the stock reader finds them by the file's index, checksums checked."""
+    with path.open("rb") as stream:
+        return sorted(
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages()
+        )
+
+
+def in_file(path: Path) -> list[tuple[str, int, bytes]]:
+    reader = LinearReader(path)
+    found = [one for one in reader.records() if isinstance(one, Message)]
+    return sorted((reader.tally.topic(one.channel_id) or "", one.log_time, one.data) for one in found)
+
+
+def test_cut_anywhere_it_is_ended_with_an_index(whole_path: Path, tmp_path: Path) -> None:
+    """Cut round each chunk's ends, and at every 151st byte of the rest, the finished file holds every whole chunk's messages,
+    by linear reading and by the index alike, and its statistics are right."""
+    spans = chunk_spans(whole_path)
+    everything = whole_path.stat().st_size
+    offsets = sorted(
+        {*range(spans[0][0], everything, 151), *(end + step for _, end in spans for step in (-1, 0, 1, 40, 200))}
+    )
+    for offset in offsets:
+        part = cut_at(whole_path, tmp_path, offset)
+        before = in_file(part)
+        done = recover_file(part)
+        assert not done.original_kept
+        run = read_run(done.path)
+        assert run.damage is None
+        assert in_file(done.path) == before, offset
+        assert by_index(done.path) == before, offset
+        with done.path.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary.statistics.message_count == len(before) == done.messages
+        assert summary.statistics.chunk_count == sum(end <= offset for _, end in spans)
+        assert [one.name for one in summary.metadata_indexes][-1] == "dnb-edge/recovery"
+        done.path.unlink()
+
+
+def test_a_whole_part_is_only_renamed(whole_path: Path, tmp_path: Path) -> None:
+    """A power cut between the last sync and the rename leaves a whole file, which stays as it is, byte for byte."""
+    part = cut_at(whole_path, tmp_path, whole_path.stat().st_size)
+    assert recover_file(part).path.read_bytes() == whole_path.read_bytes()
+
+
+def test_it_keeps_its_date(whole_path: Path, tmp_path: Path) -> None:
+    """The oldest recordings are told by their dates: recovery does not make an old one the newest."""
+    part = cut_at(whole_path, tmp_path, chunk_spans(whole_path)[-1][0] + 7)
+    os.utime(part, ns=(1_000_000_000, 1_000_000_000))
+    assert recover_file(part).path.stat().st_mtime_ns == 1_000_000_000
+
+
+def test_a_full_disk_loses_nothing_of_what_is_whole(
+    whole_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where there is no room for the index the `.part` keeps its name and all its messages, and can be recovered later."""
+    part = cut_at(whole_path, tmp_path, chunk_spans(whole_path)[-1][1] - 1)
+    before = in_file(part)
+    real = os.write
+    with monkeypatch.context() as full:
+
+        def little(descriptor: int, data: bytes) -> int:
+            if os.fstat(descriptor).st_size > part.stat().st_size:
+                raise OSError(28, os.strerror(28))
+            return real(descriptor, bytes(data)[:100]) if len(data) < 100 else full_disk()
+
+        def full_disk() -> int:
+            raise OSError(28, os.strerror(28))
+
+        full.setattr(os, "write", little)
+        with pytest.raises(WorkError, match="No space left"):
+            recover_file(part)
+    assert list(tmp_path.iterdir()) == [part]
+    assert in_file(part) == before
+    assert in_file(recover_file(part).path) == before
+
+
+def test_a_torn_index_behind_a_whole_chunk_is_made_anew(whole_path: Path, tmp_path: Path) -> None:
+    """Where a power cut left zeros in the message index of a chunk that is not the last, the recording is copied, and the
+    copy's index finds every message."""
+    start = chunk_spans(whole_path)[0][1]
+    part = cut_at(whole_path, tmp_path, chunk_spans(whole_path)[-1][1])
+    content = bytearray(part.read_bytes())
+    content[start + 9 + 6 : start + 9 + 30] = bytes(24)
+    part.write_bytes(content)
+    before = in_file(part)
+    done = recover_file(part)
+    assert by_index(done.path) == before
+
+
+def test_a_long_torn_end_is_kept(whole_path: Path, tmp_path: Path) -> None:
+    """More than a power cut leaves behind the last whole record may be worth something: the damaged file is kept beside."""
+    part = cut_at(whole_path, tmp_path, chunk_spans(whole_path)[-1][1])
+    with part.open("ab") as stream:
+        stream.write(b"\0" * 9_000_000)
+    done = recover_file(part)
+    assert done.original_kept
+    assert {one.name for one in tmp_path.iterdir()} == {whole_path.name, f"{whole_path.name}.damaged"}
