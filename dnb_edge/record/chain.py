@@ -6,6 +6,7 @@ Knows how a file names the one before it: the member `resumed_from` of its heade
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.header import CONTINUES_METADATA_NAME, SETUP_NAME, RunHeader, header_from_json
 from dnb_edge.record.scan import LinearReader
 
+MOST_NAME_BYTES = 200
+"""Of a file's name; file systems end at 255."""
 _PREVIOUS = "previous"
 
 
@@ -104,7 +107,7 @@ def continued(paths: Iterable[Path]) -> dict[Path, Path]:
 
 def _beside(path: Path, name: str) -> Path | None:
     """The file called `name` in the same directory, finished or not; None where there is none, or the name leads elsewhere."""
-    if Path(name).name != name:
+    if Path(name).name != name or "\0" in name or len(os.fsencode(name)) > MOST_NAME_BYTES:
         return None
     places = (path.with_name(name), path.with_name(name + PART_SUFFIX))
     return next((place for place in places if place.is_file()), None)

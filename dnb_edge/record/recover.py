@@ -1,8 +1,8 @@
 """Bringing a recording back that was cut short by a power cut, a crash or a full disk.
 
 Knows how to copy every whole message of a damaged file into a new one, with an index, and to check the copy before it
-gets a final name. A file that is being recorded now is left alone. Nothing is repaired in place, and an original goes
-only when all of it that is whole is safely in the copy.
+gets a final name; `finish` knows how to end one that was only cut short where it stands. A file that is being recorded now
+is left alone. No whole record is ever touched, and an original goes only when all of it that is whole is safely in the copy.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record import names
 from dnb_edge.record.channels import EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX, DurableFile, sync_directory
+from dnb_edge.record.finish import MOST_CUT_BYTES, finish_in_place
 from dnb_edge.record.header import RECOVERY_METADATA_NAME, SETUP_NAME
 from dnb_edge.record.scan import LinearReader, Record
 from dnb_edge.values import Lap
@@ -78,13 +79,16 @@ def recover_directory(directory: Path, *, leave: Collection[Path] = ()) -> list[
 
 
 def recover_file(path: Path) -> Recovery:
-    """Copy all that is whole in `path` to a new recording beside it, check the copy, then give it its final name.
+    """Make `path`, or a copy of all that is whole in it, a whole recording with its final name.
 
-    A `.part` gives its own name to the copy and is removed, unless something inside it was damaged; any other file stays,
-    and the copy is called `-recovered`. Raises InputError where there is nothing to recover or the file is being
-    recorded now, WorkError where the copy cannot be written.
+    A `.part` that was only cut short is ended where it stands. Everything else is copied and the copy checked: a `.part` gives
+    its own name to the copy and is removed, unless something inside it was damaged; any other file stays, and the copy is
+    called `-recovered`. Raises InputError where there is nothing to recover or the file is being recorded now, WorkError where
+    the disk fails.
     """
     with _locked(path):
+        if path.name.endswith(PART_SUFFIX) and (recovery := _finished(path)) is not None:
+            return recovery
         reader = LinearReader(path, skip_bad_parts=True)
         target = _create_copy(path)
         try:
@@ -105,7 +109,8 @@ def recover_file(path: Path) -> Recovery:
             target.abandon()
             target.path.unlink(missing_ok=True)
             raise
-        original_kept = not path.name.endswith(PART_SUFFIX) or reader.bad_parts > 0
+        cut_bytes = 0 if reader.complete else size_bytes - reader.good_bytes
+        original_kept = not path.name.endswith(PART_SUFFIX) or reader.bad_parts > 0 or cut_bytes > MOST_CUT_BYTES
         _put_away(path, remove=not original_kept)
     return Recovery(
         source=path,
@@ -114,8 +119,30 @@ def recover_file(path: Path) -> Recovery:
         laps=copy.laps,
         bad_parts=reader.bad_parts,
         orphans=copy.orphans,
-        cut_bytes=0 if reader.complete else size_bytes - reader.good_bytes,
+        cut_bytes=cut_bytes,
         original_kept=original_kept,
+    )
+
+
+def _finished(path: Path) -> Recovery | None:
+    """What came of ending the file where it stands; None where it must be copied."""
+    final = names.recovered_name(path)
+    try:
+        final.with_name(final.name + COPY_SUFFIX).unlink(missing_ok=True)
+        done = finish_in_place(path, final)
+    except OSError as error:
+        raise WorkError(f"{path}: cannot be finished: {error.strerror}") from error
+    if done is None:
+        return None
+    return Recovery(
+        source=path,
+        path=final,
+        messages=sum(done.counts.values()),
+        laps=done.counts.get(EVENT_TOPICS[Lap], 0),
+        bad_parts=0,
+        orphans=0,
+        cut_bytes=done.cut_bytes,
+        original_kept=False,
     )
 
 

@@ -61,6 +61,8 @@ class Tally:
         self._wanted_ids: set[int] = set()
         self._counts: Counter[str] = Counter()
         self._open: dict[int, int] = {}
+        self._told_again: Counter[int] = Counter()
+        """Messages before the last description of their channel, which a file may repeat."""
         self.first_t_ns: int | None = None
         """Lowest log time of all messages; None where there was none."""
         self.last_t_ns: int | None = None
@@ -73,10 +75,16 @@ class Tally:
             counts[self._topics.get(channel_id, "")] += count
         return dict(counts)
 
+    @property
+    def by_channel(self) -> dict[int, int]:
+        """Messages by number of the channel."""
+        return dict(Counter(self._open) + self._told_again)
+
     def channel(self, channel: Channel) -> None:
         """Takes note of a channel, before its messages."""
         # What came under this number before was of the topic that it had then.
         if channel.id in self._open:
+            self._told_again[channel.id] += self._open[channel.id]
             self._counts[self._topics.get(channel.id, "")] += self._open.pop(channel.id)
         self._topics[channel.id] = channel.topic
         if self._wanted is not None and channel.topic in self._wanted:
@@ -117,11 +125,20 @@ class _BadRecord(Exception):
 class LinearReader:
     """Reads one file front to back, once. After `records` has ended, the other attributes say how it went."""
 
-    def __init__(self, path: Path, *, skip_bad_parts: bool = False, topics: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        skip_bad_parts: bool = False,
+        topics: Collection[str] | None = None,
+        whole: Callable[[int, int, bytes], None] | None = None,
+    ) -> None:
         """Nothing is opened yet. `skip_bad_parts` goes on after a chunk whose content is wrong. With `topics`, messages of
-        others are checked and counted like all, but not given out, which takes a tenth of the time.
+        others are checked and counted like all, but not given out, which takes a tenth of the time. `whole` is told of each
+        record as it stands in the file, once that has been checked: offset, opcode, body; `checksum` is of all before it.
         """
         self.path = path
+        self._whole = whole
         self._skip_bad_parts = skip_bad_parts
         self.tally = Tally(topics)
         """The messages so far."""
@@ -133,6 +150,8 @@ class LinearReader:
         self.bad_parts = 0
         self.good_bytes = 0
         """Length of the prefix of whole records."""
+        self.checksum = zlib.crc32(MAGIC)
+        """CRC-32 of that prefix."""
 
     def records(self) -> Iterator[Record]:
         """Headers, schemas, channels, messages, attachments and metadata in the file's order. Raises OSError."""
@@ -143,7 +162,6 @@ class LinearReader:
                 self._damaged(0, "no MCAP file", truncated=False)
                 return
             self.good_bytes = len(MAGIC)
-            checksum = zlib.crc32(MAGIC)
             ended = False
             while not ended:
                 offset = stream.tell()
@@ -161,8 +179,10 @@ class LinearReader:
                 body = stream.read(length)
                 try:
                     yield from self._unfold(opcode, body)
+                    if self._whole is not None:
+                        self._whole(offset, opcode, body)
                     # A changed opcode or length can hide a whole record from the checks within records.
-                    if opcode == Opcode.DATA_END and _stored_checksum(body) not in (0, checksum):
+                    if opcode == Opcode.DATA_END and _stored_checksum(body) not in (0, self.checksum):
                         raise _BadRecord("the checksum over all data is wrong")
                 except _BadRecord as error:
                     self._damaged(offset, str(error), truncated=False)
@@ -171,7 +191,7 @@ class LinearReader:
                     if not (self._skip_bad_parts and opcode in (Opcode.CHUNK, Opcode.DATA_END)):
                         return
                 ended = opcode == Opcode.FOOTER
-                checksum = zlib.crc32(body, zlib.crc32(head, checksum))
+                self.checksum = zlib.crc32(body, zlib.crc32(head, self.checksum))
                 self.good_bytes = stream.tell()
             self._check_end(stream)
 
@@ -237,6 +257,18 @@ def _stored_checksum(body: bytes) -> int:
     except struct.error as error:
         raise _BadRecord("a checksum is missing") from error
     return int(stored)
+
+
+def message_indexes(body: bytes) -> dict[int, list[tuple[int, int]]]:
+    """Of a chunk that was read before, by its record's body: log time and offset of each message, by channel."""
+    content, indexes, offset = _decompress(_parse_chunk(body)), dict[int, list[tuple[int, int]]](), 0
+    while offset < len(content):
+        opcode, length = _HEAD.unpack_from(content, offset)
+        if opcode == Opcode.MESSAGE:
+            channel_id, _, log_time, _ = _MESSAGE_HEAD.unpack_from(content, offset + _HEAD.size)
+            indexes.setdefault(channel_id, []).append((log_time, offset))
+        offset += _HEAD.size + length
+    return indexes
 
 
 def _parse_chunk(body: bytes) -> Chunk:
