@@ -190,23 +190,25 @@ def test_numbers_go_on_where_a_driver_does_not_count(told, numbers):
 
 
 def test_a_camera_that_sends_only_rubbish_is_a_temporary_fault(play_camera):
-    """Buffers that come but hold no whole picture are not taken for life: the camera is to be opened anew."""
+    """Buffers that come without end but hold no whole picture are not taken for life: the camera is to be opened anew."""
     camera = play_camera()
     source = open_source(f"v4l2:{camera.path}", CaptureSettings(width_px=64, height_px=48, stall_timeout_s=0.05))
-    stop = threading.Event()
+    dequeue, sent, until_s = camera._dqbuf, [], time.monotonic() + 10.0
 
-    def send() -> None:
-        sequence = 0
-        while not stop.wait(0.002):
-            camera.finish(jpeg()[:-40], sequence=sequence, t_us=1_000_000 + sequence)
-            sequence += 1
+    def always_ready(fd, buffer):
+        try:
+            dequeue(fd, buffer)
+        except BlockingIOError:
+            if time.monotonic() < until_s:
+                camera.finish(jpeg()[:-40], sequence=len(sent), t_us=1_000_000 + len(sent))
+            sent.append(1)
+            raise
 
-    sender = threading.Thread(target=send)
-    sender.start()
+    camera._dqbuf = always_ready
+    camera.finish(jpeg()[:-40], sequence=0, t_us=1)
     with pytest.raises(TemporaryFault, match="no whole frame"):
         next(source.frames())
-    stop.set()
-    sender.join()
+    assert time.monotonic() < until_s
     assert source.lost[0].reason == "short"
     source.close()
 
@@ -277,15 +279,20 @@ def test_close_ends_a_blocked_read(play_camera):
 
 
 def test_a_raw_camera_gives_pictures(play_camera):
-    """Without MJPEG the YUYV picture is converted, and a driver that knows no rate claims none."""
+    """Without MJPEG the YUYV picture is converted, a part of one is left out; a driver that knows no rate claims none."""
     camera = play_camera(formats=("YUYV",), rates=False)
     source = open_source(f"v4l2:{camera.path}", SMALL)
     assert source.info.nominal_fps is None
     camera.finish(bytes([200, 128]) * (64 * 48), sequence=0, t_us=1)
-    frame = next(source.frames())
+    frames = source.frames()
+    frame = next(frames)
     assert frame.jpeg is None
     assert frame.bgr is not None
     assert frame.bgr.shape == (48, 64, 3)
+    camera.finish(bytes([200, 128]) * (64 * 48 - 1), sequence=1, t_us=2)
+    camera.finish(bytes([200, 128]) * (64 * 48), sequence=2, t_us=3)
+    assert next(frames).sequence == 2
+    assert source.lost == lost(short=1)
     source.close()
 
 
