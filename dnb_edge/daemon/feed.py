@@ -56,6 +56,8 @@ class FrameFeed:
         self._lost: tuple[LostFrames, ...] = ()
         self._most_queued = 0
         self._renew: str | None = None
+        self.progress = 0
+        """Grows with each frame and each attempt to open the camera: stands still where the thread hangs."""
         self._thread = threading.Thread(target=self._run, name="capture", daemon=True)
 
     def __enter__(self) -> Self:
@@ -137,6 +139,7 @@ class FrameFeed:
         try:
             for frame in self._source.frames():
                 self._fault = None
+                self.progress += 1
                 self._ledger.frame(frame.sequence, self._source.lost)
                 self._put(self._numbered(frame))
                 if self._stop.is_set():
@@ -155,6 +158,7 @@ class FrameFeed:
         attempt = 0
         while not self._stop.wait(BACK_OFF_S[min(attempt, len(BACK_OFF_S) - 1)]):
             attempt += 1
+            self.progress += 1
             try:
                 self._source = self._reopen()
             except (InputError, TemporaryFault, OSError) as error:

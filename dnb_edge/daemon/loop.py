@@ -96,7 +96,7 @@ class Race:
             elif self.feed.fault != self._told_fault:
                 # No frame comes that could make the next one due.
                 self._tell(self._health())
-            self._progress.stepped(captured=frame is not None or self.feed.fault is not None)
+            self._progress.stepped(captured=self.feed.progress)
         for event in self.core.finish():
             self._tell(event)
         self._tell(self._health())

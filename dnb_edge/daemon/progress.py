@@ -28,14 +28,13 @@ class Progress:
     def __init__(self, notifier: ServiceNotifier, writer: Writer | None) -> None:
         self._notifier = notifier
         self._writer = writer
-        self._captured = False
+        self._captured = 0
         self._written = None if writer is None else writer.progress
 
-    def stepped(self, *, captured: bool) -> None:
-        """The race's loop went round once; `captured`: with a frame, or while a lost camera is told of."""
-        self._captured |= captured
-        if self._notifier.feed(progressed=self._captured and self._writes()):
-            self._captured = False
+    def stepped(self, *, captured: int) -> None:
+        """The race's loop went round once; `captured` grows with each frame, and each attempt to open a lost camera."""
+        if self._notifier.feed(progressed=captured != self._captured and self._writes()):
+            self._captured = captured
             self._written = None if self._writer is None else self._writer.progress
 
     def _writes(self) -> bool:

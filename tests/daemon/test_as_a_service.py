@@ -97,8 +97,8 @@ def fed(manager: Manager, seconds: range, disk: Disk | None, *, captured: bool, 
         clock.now_s = float(second)
         if disk is not None and writes:
             disk.progress += 1
-        for _ in range(10):
-            progress.stepped(captured=captured)
+        for tenth in range(10):
+            progress.stepped(captured=1 + 10 * second + tenth if captured else 0)
         told += [second] * len(manager.heard())
     return told
 
@@ -117,7 +117,7 @@ def fed(manager: Manager, seconds: range, disk: Disk | None, *, captured: bool, 
 def test_only_progress_of_all_feeds_the_watchdog(
     manager: Manager, disk: Disk | None, captured: bool, writes: bool, when: list[int]
 ) -> None:
-    """Every five seconds where frames come, or their lack is told of, and the recorder's thread moves or has given up aloud."""
+    """Every five seconds where frames come, or a lost camera is looked for, and the recorder moves or has given up aloud."""
     assert fed(manager, range(18), disk, captured=captured, writes=writes) == when
 
 
@@ -129,6 +129,6 @@ def test_a_recorder_that_hangs_after_a_while_starves_the_watchdog(manager: Manag
     for second in range(30):
         clock.now_s = float(second)
         disk.progress += second < 12
-        progress.stepped(captured=True)
+        progress.stepped(captured=second + 1)
         told += [second] * len(manager.heard())
     assert told == [0, 5, 10, 15]

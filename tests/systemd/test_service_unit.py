@@ -111,7 +111,8 @@ def test_paths_are_granted():
     (command,) = settings()["ExecStart"]
     runs = re.search(r"--record /var/lib/(\S+)", command)[1]
     config = re.search(r"--config /etc/(\S+)/dnb-edge.yaml", command)[1]
-    assert runs in settings()["StateDirectory"][0].split()
+    kept = re.search(r"--last-good /var/lib/(\S+)", command)[1]
+    assert {runs, kept} <= set(settings()["StateDirectory"][0].split())
     assert settings()["ConfigurationDirectory"] == [config]
 
 
