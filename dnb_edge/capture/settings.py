@@ -1,9 +1,13 @@
-"""What a user may choose about capture. Plain values: the configuration room fills them in, the sources obey them."""
+"""What a user may choose about capture, and what a camera made of it. Plain values: the configuration room fills them in, the
+sources obey them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
+
+from dnb_edge.values import CameraControl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,3 +38,12 @@ class CaptureSettings:
     """Kernel buffers; four let the newest be taken while the driver still has some to fill."""
     stall_timeout_s: float = 2.0
     """A camera that gives no whole frame for so long counts as gone."""
+
+
+def changed_controls(controls: Iterable[CameraControl]) -> tuple[str, ...]:
+    """In words, a line each: the controls that the camera took otherwise than asked."""
+    return tuple(
+        f"camera: {control.name} is {control.taken}, not {control.asked} as asked"
+        for control in controls
+        if control.taken is not None and control.taken != control.asked
+    )

@@ -136,15 +136,6 @@ def taken(device: linux.Device, wanted: Iterable[Wish]) -> tuple[CameraControl, 
     )
 
 
-def changed_controls(controls: Iterable[CameraControl]) -> tuple[str, ...]:
-    """In words, a line each: the controls that the camera took otherwise than asked."""
-    return tuple(
-        f"camera: {control.name} is {control.taken}, not {control.asked} as asked"
-        for control in controls
-        if control.taken is not None and control.taken != control.asked
-    )
-
-
 def _described(device: linux.Device, described: raw.v4l2_query_ext_ctrl) -> Control:
     kept = raw.v4l2_query_ext_ctrl.from_buffer_copy(described)
     least, most = int(kept.minimum), int(kept.maximum)

@@ -20,9 +20,8 @@ from kernel_camera import (
 )
 from linuxpy.video import raw
 
-from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.settings import CaptureSettings, changed_controls
 from dnb_edge.capture.source import open_source
-from dnb_edge.capture.v4l2_controls import changed_controls
 from dnb_edge.errors import InputError
 from dnb_edge.values import CameraControl
 
