@@ -214,6 +214,14 @@ def test_a_run_whose_recording_lacks_frames_is_left_alone(tmp_path: Path, caplog
     assert "3 frames of it were not recorded" in caplog.text
 
 
+def test_each_process_counts_its_own_frames(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What the second process did not record is missed, though the first one had recorded more frames than that."""
+    first = record(tmp_path, *ITEMS)
+    record(tmp_path, found(3), health(3), header=replace(HEADER, resumed_from=first.name.removesuffix(".part")))
+    assert look(tmp_path) is None
+    assert "2 frames of it were not recorded" in caplog.text
+
+
 def test_a_run_that_is_damaged_inside_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A torn end is what SIGKILL leaves; a flipped byte is not."""
     path = record(tmp_path, *ITEMS)
