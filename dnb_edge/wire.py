@@ -61,6 +61,18 @@ def from_dict(cls: type[T], data: dict[str, Any]) -> T:
     return made
 
 
+def member(kind: Any, data: dict[str, Any], name: str) -> Any:
+    """Member `name` of `data`, plain JSON types, read as a dataclass's member of the type `kind` is.
+
+    Raises `KeyError` where there is none, `ValueError` naming it where it is of another kind.
+    """
+    read, value = _reader_of(kind), data[name]
+    try:
+        return value if read is None else read(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
 def from_json(cls: type[T], text: bytes) -> T:
     """The instance of dataclass `cls` behind one JSON object in UTF-8. Raises `ValueError` where that is none, and as
     `from_dict` does."""

@@ -17,6 +17,9 @@ from dnb_edge import __version__
 from dnb_edge.cli.verbs import Verbs
 from dnb_edge.errors import DnbEdgeError, InputError
 
+LONGEST_LINE = 1000
+"""Characters of an error that are told; what is cut out is in the middle, since it begins with a name and ends with advice."""
+
 app = typer.Typer(
     cls=Verbs,
     help="Times and scores small self-driving cars from one overhead camera. Start with `dnb-edge demo`.",
@@ -61,5 +64,8 @@ def main() -> None:
 
 
 def _say(text: str) -> None:
-    """One line on stderr, whatever the error's text holds."""
-    sys.stderr.write("dnb-edge: " + " ".join(text.split()) + "\n")
+    """One line on stderr, whatever the error's text holds: it may quote a value as long as a book."""
+    line = " ".join(text.split())
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
+    sys.stderr.write(f"dnb-edge: {line}\n")

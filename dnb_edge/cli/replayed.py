@@ -163,7 +163,7 @@ def _race(run: RecordedRun, setup: CoreSetup, *, tell_running: bool) -> tuple[tu
     frames_t_ns: list[int] = []
     views = ViewLog(setup.track.centreline, camera_gap_s=setup.camera_gap_s)
     with _without_collector():
-        for detections in run.detections():
+        for detections in run.race_detections():
             frames_t_ns.append(detections.t_ns)
             views.frame(detections.t_ns, detections.view_moved_m)
             events += core.step(detections)

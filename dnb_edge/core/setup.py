@@ -5,7 +5,6 @@ Knows the settings of all rooms and their stored form; decides nothing itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -20,6 +19,12 @@ from dnb_edge.view.ground import GroundMap
 
 _BEFORE = {"regain_s": 0.0}
 """Settings of recordings from before these settings existed: what the core did then."""
+
+_OLDER: dict[str, Any] = {
+    "start": {}, "format": {}, "penalties": {}, "rules": "practice", "rules_version": "1", "cars": [],
+    "map_covariance": None, "row_s": 0.0,
+}  # fmt: skip
+"""Members that recordings from before them lack."""
 
 CAMERA_GAP_S = 1.0
 """A camera that sends nothing for so long was away, or nobody took its frames; the slowest source has a frame a second."""
@@ -93,6 +98,7 @@ class CoreSetup:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
         """The setup that `to_dict` wrote. Raises `InputError` or `ValueError` where a member is missing or wrong."""
+        data = _OLDER | data
         try:
             return cls(
                 track=Track.from_dict(data["track"]),
@@ -101,22 +107,18 @@ class CoreSetup:
                 crossing=wire.from_dict(CrossingSettings, data["crossing"]),
                 laps=wire.from_dict(LapRules, data["laps"]),
                 score=wire.from_dict(ScoreSettings, data["score"]),
-                not_scored_because=data["not_scored_because"],
-                birth_margin_m=data["birth_margin_m"],
-                start=wire.from_dict(StartRules, data.get("start", {})),
-                format=wire.from_dict(FormatRules, data.get("format", {})),
-                penalties=wire.from_dict(PenaltyRules, data.get("penalties", {})),
-                rules=data.get("rules", "practice"),
-                rules_version=data.get("rules_version", "1"),
-                cars=tuple(wire.from_dict(CarSetup, car) for car in data.get("cars", ())),
-                map_covariance=_matrix(data.get("map_covariance")),
-                row_s=data.get("row_s", 0.0),
+                not_scored_because=wire.member(str | None, data, "not_scored_because"),
+                birth_margin_m=wire.member(float, data, "birth_margin_m"),
+                start=wire.from_dict(StartRules, data["start"]),
+                format=wire.from_dict(FormatRules, data["format"]),
+                penalties=wire.from_dict(PenaltyRules, data["penalties"]),
+                rules=wire.member(str, data, "rules"),
+                rules_version=wire.member(str, data, "rules_version"),
+                cars=wire.member(tuple[CarSetup, ...], data, "cars"),
+                map_covariance=wire.member(Covariance9 | None, data, "map_covariance"),
+                row_s=wire.member(float, data, "row_s"),
                 # Laps of recordings from before this setting existed were not marked.
                 camera_gap_s=data.get("camera_gap_s"),
             )
         except KeyError as error:
             raise ValueError(f"the setup has no member {error}") from error
-
-
-def _matrix(rows: Sequence[Sequence[float]] | None) -> Covariance9 | None:
-    return None if rows is None else tuple(tuple(row) for row in rows)

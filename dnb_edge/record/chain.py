@@ -6,7 +6,6 @@ Knows how a file names the one before it: the member `resumed_from` of its heade
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +106,7 @@ def continued(paths: Iterable[Path]) -> dict[Path, Path]:
 
 def _beside(path: Path, name: str) -> Path | None:
     """The file called `name` in the same directory, finished or not; None where there is none, or the name leads elsewhere."""
-    if Path(name).name != name or "\0" in name or len(os.fsencode(name)) > MOST_NAME_BYTES:
+    if not name or Path(name).name != name or "\0" in name or len(name.encode(errors="replace")) > MOST_NAME_BYTES:
         return None
     places = (path.with_name(name), path.with_name(name + PART_SUFFIX))
     return next((place for place in places if place.is_file()), None)

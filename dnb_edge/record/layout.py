@@ -13,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -49,7 +50,10 @@ class _Tail:
 
     @property
     def is_right(self) -> bool:
-        found = [MessageIndex.read(ReadDataStream(io.BytesIO(body))) for body in self.indexes]
+        try:
+            found = [MessageIndex.read(ReadDataStream(io.BytesIO(body))) for body in self.indexes]
+        except (McapError, struct.error):
+            return False
         return {index.channel_id: sorted(index.records) for index in found} == {
             channel_id: sorted(entries) for channel_id, entries in message_indexes(self.body).items()
         }
@@ -91,8 +95,7 @@ class Layout:
             self._chunks.append(_chunk_index(offset, body))
             self._tail.append(_Tail(body, self.data_end, checksum))
         elif opcode == Opcode.MESSAGE_INDEX and self._chunks:
-            (channel_id,) = struct.unpack_from("<H", body)
-            self._chunks[-1].message_index_offsets[channel_id] = offset
+            self._chunks[-1].message_index_offsets[int.from_bytes(body[:2], "little")] = offset
             self._chunks[-1].message_index_length += length
             self._tail[-1].indexes.append(body)
         elif opcode == Opcode.ATTACHMENT:

@@ -48,10 +48,10 @@ def mutated(rng: random.Random, whole: bytes) -> bytes:
     if kind < 0.24:
         return whole[: rng.randint(0, len(whole))]
     records = records_of(whole[len(MAGIC) :])
-    if kind < 0.3:
-        records.insert(rng.randint(1, len(records)), bomb(rng))
     for _ in range(rng.randint(1, 3)):
         _damage(rng, records)
+    if kind < 0.3:
+        records.insert(rng.randint(0, len(records)), bomb(rng))
     return rebuilt(records)
 
 
@@ -66,15 +66,20 @@ def rebuilt(records: Records) -> bytes:
 
 
 def _damage(rng: random.Random, records: Records) -> None:
-    at = rng.randrange(len(records))
+    told = [k for k, (opcode, _) in enumerate(records) if opcode in (CHUNK, ATTACHMENT)]
+    # Most records of a file are indexes, which nobody who reads it linearly looks at.
+    at = rng.choice(told) if told and rng.random() < 0.85 else rng.randrange(len(records))
     opcode, body = records[at]
     kind = rng.random()
-    if opcode == CHUNK and kind < 0.8:
-        records[at] = (CHUNK, _chunk(rng, body))
-    elif opcode == ATTACHMENT and kind < 0.9:
-        records[at] = (ATTACHMENT, _attachment(rng, body))
-    else:
-        _shuffle(rng, records, at)
+    try:
+        if opcode == CHUNK and kind < 0.8:
+            records[at] = (CHUNK, _chunk(rng, body))
+        elif opcode == ATTACHMENT and kind < 0.9:
+            records[at] = (ATTACHMENT, _attachment(rng, body))
+        else:
+            _shuffle(rng, records, at)
+    except (struct.error, zstandard.ZstdError):  # it has been damaged before
+        records[at] = (opcode, fuzz_bytes.mutated(rng, body))
 
 
 def _shuffle(rng: random.Random, records: Records, at: int) -> None:
@@ -145,7 +150,7 @@ def payload(rng: random.Random, data: bytes) -> bytes:
     """A message's or an attachment's content, as a document where it is one."""
     try:
         tree = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         return fuzz_bytes.mutated(rng, data)
     kind = rng.random()
     if kind < 0.1:

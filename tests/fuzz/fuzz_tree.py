@@ -13,8 +13,8 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 ODD: tuple[Any, ...] = (
     None, True, False, 0, -1, 1, 2, 7, 2**31, 2**63, -(2**63), 10**30, 10**400, 0.0, -0.0, 0.5, 1e-320, 1e-9, 1e9, 1e18, 1e308,
     -1e308, math.inf, -math.inf, math.nan, "", " ", "0", "-1", "1e9", "nan", "x", "auto", "off", "sim:",
-    "../../etc/passwd", "/dev/null", "\0", "\n", "\ud7ff\u202e", "x" * 5000, "a.b", "{}", [], {}, [[]], [None], [0, 0], [1, 2, 3], [[0, 0], [0, 0]],
-    {"": 0},     {"x": {}}, [1e308, -1e308], [math.nan, 0.0], list(range(500)), {"a": 1, "b": [2]}, "2026-11-23", "yes", "~",
+    "../../etc/passwd", "/dev/null", "\0", "\n", "\ud7ff\u202e", "x" * 5000, "a.b", "{}", [], {}, [[]], [None], [0, 0], [1, 2, 3],
+    [[0, 0], [0, 0]],     {"": 0}, {"x": {}}, [1e308, -1e308], [math.nan, 0.0], list(range(500)), {"a": 1, "b": [2]}, "2026-11-23", "yes", "~",
 )  # fmt: skip
 """Values of every type that a document may hold, at the edges of their range."""
 
@@ -59,7 +59,8 @@ def _damage(rng: random.Random, holder: list[Any]) -> None:
 def _value(rng: random.Random, was: Any) -> Any:
     """Another value: of the same type and near at hand as often as of any type."""
     if isinstance(was, int | float) and not isinstance(was, bool) and rng.random() < 0.5:
-        return rng.choice((-was, was * 10, was / 3, was + 1, was * 1e6, int(was) if math.isfinite(was) else 0, was * 0))
+        near = float(was) if abs(was) < 1e308 else 1e300
+        return rng.choice((-was, was * 10, near / 3, was + 1, near * 1e6, int(near), near * 0))
     if isinstance(was, str) and rng.random() < 0.3:
         return rng.choice((was * 2, was[:-1], was + "\u00e9", was.upper(), [was], {was: was}))
     if isinstance(was, list) and rng.random() < 0.4:

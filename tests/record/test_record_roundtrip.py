@@ -114,9 +114,9 @@ events = st.one_of(
     st.builds(
         values.Health,
         **stamped,
-        frames=st.integers(0),
-        detected_frames=st.integers(0),
-        dropped_frames=st.integers(0),
+        frames=st.integers(0, 2**63 - 1),
+        detected_frames=st.integers(0, 2**63 - 1),
+        dropped_frames=st.integers(0, 2**63 - 1),
         fps=st.none() | finite,
         latency_ms=st.none() | finite,
         display=st.text(),
@@ -127,9 +127,9 @@ events = st.one_of(
     ),
     st.builds(
         values.RunSummary,
-        frames=st.integers(0),
-        detected_frames=st.integers(0),
-        laps=st.integers(0),
+        frames=st.integers(0, 2**63 - 1),
+        detected_frames=st.integers(0, 2**63 - 1),
+        laps=st.integers(0, 2**63 - 1),
         recording=st.none() | st.text(),
     ),
 )

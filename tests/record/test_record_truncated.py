@@ -2,6 +2,7 @@
 
 import struct
 import tracemalloc
+import zlib
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.writer import Writer
-from record_samples import small_run
+from record_samples import found, recorder, small_run
 
 from dnb_edge.errors import InputError
 from dnb_edge.record.reader import iter_frames, read_run
@@ -229,3 +230,49 @@ def test_oracle_agrees_with_the_stock_chunk_parser(tmp_path: Path, whole: bytes)
         messages = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
         stock = [(message.channel_id, message.log_time, message.data) for _, _, message in messages]
     assert messages_in(path) == stock
+
+
+def _chunk_of(content: bytes) -> bytes:
+    """A file whose one chunk holds `content`, its checksum right."""
+    body = RecordBuilder()
+    Chunk(
+        compression="zstd",
+        data=zstandard.ZstdCompressor().compress(content),
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=zlib.crc32(content),
+        uncompressed_size=len(content),
+    ).write(body)
+    return MAGIC + body.end()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (bytes(9 * 1_000_000), "more than the 100000 records that are read"),
+        (struct.pack("<BQ", 5, 31) + bytes(31), None),
+        (struct.pack("<BQ", 4, 2_000_000) + bytes(2_000_000), "more than the 1048576 that are read"),
+    ],
+    ids=["a million records of nothing", "an empty message", "a channel of 2 MB"],
+)
+def test_a_chunk_of_very_many_small_things_is_refused(tmp_path: Path, content: bytes, says: str | None) -> None:
+    """What takes a few kilobytes in the file and a second for each chunk, or many times its size in memory, is not unfolded."""
+    path = tmp_path / "many.mcap"
+    path.write_bytes(_chunk_of(content))
+    reader = LinearReader(path)
+    found = sum(1 for _ in reader.records())
+    assert reader.damage is not None
+    if says is None:
+        assert (found, reader.damage.truncated) == (1, True)
+    else:
+        assert says in reader.damage.reason
+
+
+def test_stamps_that_run_backwards_are_refused(tmp_path: Path) -> None:
+    """Detections of two runs in one file are none that a core could be given."""
+    writer = recorder(tmp_path, image_fps=None)
+    for sequence, t_ns in ((0, 10), (1, 20), (2, 20)):
+        writer.add_detections(found(sequence, t_ns))
+    run = read_run(writer.close())
+    with pytest.raises(InputError, match="frame 2 comes before frame 1 in time"):
+        list(run.race_detections())
