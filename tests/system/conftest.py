@@ -3,20 +3,17 @@
 import logging
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
-
-HERE = Path(__file__).parent
-# Cars with a marker on the roof are drawn by the detector's own tests.
-sys.path.append(str(HERE.parent / "detect"))
-
 from harness import reel
+from harness.appliance import Appliance
 from harness.guest import Guest, GuestFault
 from harness.image import BuildFailed, image, obstacle
 from harness.recipe import CACHE
 from harness.webcam import Webcam
+
+HERE = Path(__file__).parent
 
 log = logging.getLogger("system-test")
 
@@ -78,6 +75,14 @@ def webcam():
     camera = Webcam(reel.pictures)
     yield camera
     camera.close()
+
+
+@pytest.fixture
+def appliance(guest):
+    """The appliance in `guest`, not yet configured, its display connected."""
+    service = Appliance(guest)
+    yield service
+    service.display.close()
 
 
 def _end(guest):

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 
-from harness.image import Image, alone
+from harness.image import VENV, Image, alone
 
 BOOT_S = 180.0
 """A cold boot takes 20 to 40 s on an idle machine with 2 cores; this is when we give up."""
@@ -123,11 +123,17 @@ class Guest:
 
     def get(self, path: str, to: Path) -> Path:
         """Copies a file out of the guest."""
-        with to.open("wb") as file:
-            done = subprocess.run([*self._ssh(), f"cat {shlex.quote(path)}"], stdout=file, timeout=120, check=False)
-        if done.returncode != 0:
-            raise GuestFault(f"{path}: cannot be read in the guest")
+        to.write_bytes(self.get_output(f"cat {shlex.quote(path)}"))
         return to
+
+    def get_output(self, command: str) -> bytes:
+        """What a command writes to its standard output, byte for byte."""
+        done = subprocess.run(
+            [*self._ssh(), command], stdin=subprocess.DEVNULL, capture_output=True, timeout=120, check=False
+        )
+        if done.returncode != 0:
+            raise GuestFault(f"exit code {done.returncode}: {command}\n{done.stderr.decode(errors='replace')}")
+        return done.stdout
 
     def wait_for(self, command: str, *, timeout_s: float, every_s: float = 0.3) -> str:
         """Repeats a command until it succeeds; what it said then. Raises `GuestFault` after `timeout_s`."""
@@ -252,7 +258,11 @@ def _put_to_sleep(guest: Guest, folder: Path) -> None:
         guest.boot()
         # The rest of the boot, once and for all. "degraded" is what the tests are to find out, not a reason to stop here.
         guest.run("systemctl stop dnb-edge; systemctl is-system-running --wait", check=False)
-        guest.run("modprobe -a vhci-hcd uvcvideo && sync")
+        # What the tests would wait for in each guest anew: drivers, and the appliance's libraries read from the disk.
+        guest.run("modprobe -a vhci-hcd uvcvideo vivid && rmmod vivid")
+        guest.run(
+            f"{VENV}/bin/python -c 'import dnb_edge.cli.run, dnb_edge.capture.v4l2, dnb_edge.detect.markers' && sync"
+        )
         guest.monitor("migrate", uri=f"exec:cat > {shlex.quote(str(folder / 'memory'))}")
         while (status := guest.monitor("query-migrate")["status"]) not in ("completed", "failed"):
             time.sleep(0.1)

@@ -1,7 +1,7 @@
 """A USB webcam on this machine, plugged into the guest: the stock uvcvideo driver binds to it and it can really be unplugged.
 
-Plays a reel of pictures at the rate that the guest asks for. Like a camera it keeps its own time: where the host takes a frame too
-slowly, the next ones are left out. Knows the USB side and ready pictures; knows no track.
+Plays a reel of pictures at the rate that the guest asks for. Like a camera it keeps its own time: where the host takes a
+frame too slowly, the next ones are left out. Knows the USB side and ready pictures; knows no track.
 """
 
 from __future__ import annotations
