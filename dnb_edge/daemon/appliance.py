@@ -106,7 +106,7 @@ def run_appliance(
             shown.append(display)
         directory = _directory(rooms.config, options)
         header = make_header(rooms.config, rooms.assembly, source.info)
-        earlier = None if directory is None else _earlier(directory, header, options.resume_within_s)
+        earlier = None if directory is None else _earlier(directory, header, rooms, options.resume_within_s)
         recorder = None if directory is None else _start_recorder(directory, header, rooms, earlier)
         core = _core(rooms.assembly.setup, earlier)
         feed = FrameFeed(source, SameCamera(source.info, lambda uri: make_source(uri, config)))
@@ -203,11 +203,17 @@ def _keeper(rooms: _Rooms, options: RunOptions) -> Callable[[], None] | None:
     return threading.Thread(target=keep, name="last-good", daemon=True).start
 
 
-def _earlier(directory: Path, header: RunHeader, within_s: float) -> Unfinished | None:
+def _earlier(directory: Path, header: RunHeader, rooms: _Rooms, within_s: float) -> Unfinished | None:
     """The run that was cut short and that this one goes on with; None where there is none. All others are recovered first."""
     found = None
     if directory.is_dir() and within_s > 0 and header.source.live:
-        found = find_unfinished(directory, header, now_ns=time.monotonic_ns(), within_s=within_s)
+        found = find_unfinished(
+            directory,
+            header,
+            now_ns=time.monotonic_ns(),
+            within_s=within_s,
+            fallback=rooms.config.record.fallback,
+        )
     _recover(directory, leave=() if found is None else found.parts)
     if found is not None:
         log.warning("going on with %s, which was cut short: %d laps so far", found.name, len(found.laps))
@@ -218,7 +224,14 @@ def _core(setup: CoreSetup, earlier: Unfinished | None) -> Core | ResumedCore:
     """A new core, or one that is brought back to where that of the earlier run was."""
     if earlier is None:
         return Core(setup)
-    core = ResumedCore(setup, earlier.detections, after_last=earlier.after_last, laps=earlier.laps, name=earlier.name)
+    core = ResumedCore(
+        setup,
+        earlier.detections,
+        frames=earlier.frames,
+        after_last=earlier.after_last,
+        laps=earlier.laps,
+        name=earlier.name,
+    )
     recover_aside(earlier.parts, core.wait)
     return core
 

@@ -29,16 +29,19 @@ class ResumedCore:
         setup: CoreSetup,
         saved: Callable[[], Iterable[FrameDetections]],
         *,
+        frames: int,
         after_last: int,
         laps: Sequence[Lap],
         name: str,
     ) -> None:
-        """Starts to race the `saved` detections, in a thread of its own.
+        """Starts to race the `saved` detections, of so many `frames`, in a thread of its own.
 
         `after_last` events of the last saved frame were saved too; `laps` are all laps that were, and must come out again;
         `name` is what the earlier run is called.
         """
         self._saved = saved
+        self._frames = frames
+        self._raced = 0
         self._after_last = after_last
         self._laps = tuple(laps)
         self._name = name
@@ -85,7 +88,8 @@ class ResumedCore:
     def notes(self) -> tuple[str, ...]:
         """As `Core.notes`, with what there is to say of the earlier run."""
         if not self.caught_up:
-            return (f"going on with {self._name}, which was cut short: its frames are being raced again",)
+            percent = 100 * self._raced // max(1, self._frames)
+            return (f"going on with {self._name}, which was cut short: {percent} % of its frames are raced again",)
         gone_on = f"going on with {self._name}, which was cut short"
         if self._differs:
             gone_on += ": raced again it gives other laps than were told; those of `dnb-edge score` count"
@@ -120,11 +124,12 @@ class ResumedCore:
         core, laps = self._core, list[Lap]()
         seen: set[int] = set()
         events: list[Event] = []
-        for count, found in enumerate(self._saved()):
+        for count, found in enumerate(self._saved(), start=1):
             if self._stop.is_set():
                 return
             _note(events, laps, seen)
             events = core.step(found)
+            self._raced = count
             if count % YIELD_FRAMES == 0:
                 time.sleep(0)
         _note(events[: self._after_last], laps, seen)

@@ -14,6 +14,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,9 @@ log = logging.getLogger(__name__)
 
 RESUME_WITHIN_S = 600.0
 """How long a run may have been dead, seconds: whoever comes back later comes for another race."""
+
+LOOK_S = 20.0
+"""So long a run may be looked through, seconds: the service manager waits no minute, and a day of recording is no race."""
 
 SHOWN = (Crossing, Incident, Lap, RaceState, Score, Standings)
 """What a board is made of, besides what comes anew with every frame."""
@@ -98,10 +102,19 @@ class Unfinished:
                     yield wire.from_json(FrameDetections, record.data)
 
 
-def find_unfinished(directory: Path, header: RunHeader, *, now_ns: int, within_s: float) -> Unfinished | None:
+def find_unfinished(
+    directory: Path,
+    header: RunHeader,
+    *,
+    now_ns: int,
+    within_s: float,
+    fallback: Sequence[Path] = (),
+    look_s: float = LOOK_S,
+) -> Unfinished | None:
     """The latest run in `directory`, if the one that begins now, with `header`, is to go on with it; else None.
 
-    `now_ns` is CLOCK_MONOTONIC. Says in the log why a run that was cut short is not gone on with.
+    `now_ns` is CLOCK_MONOTONIC; in `fallback` recordings go on where the disk fails. Says in the log why a run that was cut
+    short is not gone on with.
     """
     path = _latest(directory)
     if path is None:
@@ -110,8 +123,8 @@ def find_unfinished(directory: Path, header: RunHeader, *, now_ns: int, within_s
     try:
         head = read_head(path)
         chain = chain_of(head)
-        found = _read((*chain.earlier, path))
-        reason = _other_race(head.header, header)
+        reason = _other_race(head.header, header) or _went_on_elsewhere(path, fallback)
+        found = _read((*chain.earlier, path), until_s=time.monotonic() + look_s)
         if reason is None and chain.missing is not None:
             reason = f"{chain.missing}, from which it went on, is not there"
     except _Ended:
@@ -210,6 +223,19 @@ def _other_race(before: RunHeader, now: RunHeader) -> str | None:
     return None
 
 
+def _went_on_elsewhere(path: Path, fallback: Sequence[Path]) -> str | None:
+    """Where the run has more than `path` holds, since its disk failed; None where it has not."""
+    name = path.name.removesuffix(PART_SUFFIX)
+    for place in fallback:
+        for other in sorted(place.glob(f"run-{names.boot_tag()}-*.mcap*")):
+            try:
+                if read_head(other).previous == name:
+                    return f"it went on in {other} when its disk failed"
+            except InputError:
+                continue
+    return None
+
+
 def _same(value: Any) -> Any:
     """What must be equal: of a source who it is, not how its settings were taken this time."""
     if isinstance(value, dict) and "camera_id" in value:
@@ -259,10 +285,11 @@ class _Tally:
                 self.shown.append(wire.from_json(kind, data))
 
 
-def _read(files: Sequence[Path]) -> Unfinished:
+def _read(files: Sequence[Path], *, until_s: float) -> Unfinished:
     """All that is to be known of the run in `files`. Raises `_Ended` where it has ended by itself.
 
-    Raises InputError where it is damaged inside or lacks frames, so that no core can be brought back exactly to where it was.
+    Raises InputError where it is damaged inside or lacks frames, so that no core can be brought back exactly to where it was,
+    and where it cannot be read until `until_s`, by time.monotonic.
     """
     tally = _Tally()
     topics: Collection[str] = (DETECTIONS_TOPIC, *EVENT_TOPICS.values())
@@ -270,7 +297,7 @@ def _read(files: Sequence[Path]) -> Unfinished:
         head = read_head(path)
         if head.previous is None or head.previous == head.header.resumed_from:
             tally.since_start = 0
-        _read_file(path, topics, tally)
+        _read_file(path, topics, tally, until_s)
     if tally.first is None or tally.last is None:
         raise InputError(f"{files[-1]}: it was cut short before its first frame was saved")
     first, last = (wire.from_json(FrameDetections, text) for text in (tally.first, tally.last))
@@ -285,12 +312,14 @@ def _read(files: Sequence[Path]) -> Unfinished:
     )
 
 
-def _read_file(path: Path, topics: Collection[str], tally: _Tally) -> None:
+def _read_file(path: Path, topics: Collection[str], tally: _Tally, until_s: float) -> None:
     reader = LinearReader(path, topics=topics)
     try:
         for record in reader.records():
             if isinstance(record, Message) and (topic := reader.tally.topic(record.channel_id)) is not None:
                 tally.take(topic, record.data)
+                if topic == _HEALTH_TOPIC and time.monotonic() > until_s:
+                    raise ValueError("it is too long to be gone on with")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, TypeError, KeyError, AttributeError) as error:

@@ -214,6 +214,29 @@ def test_a_run_whose_recording_lacks_frames_is_left_alone(tmp_path: Path, caplog
     assert "3 frames of it were not recorded" in caplog.text
 
 
+def test_a_run_that_is_too_long_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Nobody waits for minutes at a start."""
+    record(tmp_path, *ITEMS)
+    assert find_unfinished(tmp_path, HEADER, now_ns=BEGUN_NS + SECOND_NS, within_s=600.0, look_s=0.0) is None
+    assert "too long to be gone on with" in caplog.text
+
+
+def test_a_run_that_went_on_on_another_disk_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """What is beside the failed file is not all of the race: its later laps lie elsewhere."""
+    first = record(tmp_path / "card", *ITEMS)
+    after = replace(HEADER, resumed_from=first.name.removesuffix(".part"))
+    other = record(tmp_path / "stick", found(3), header=after)
+    found_there = find_unfinished(
+        tmp_path / "card",
+        HEADER,
+        now_ns=BEGUN_NS + SECOND_NS,
+        within_s=600.0,
+        fallback=(tmp_path / "gone", tmp_path / "stick"),
+    )
+    assert found_there is None
+    assert f"it went on in {other} when its disk failed" in caplog.text
+
+
 def test_each_process_counts_its_own_frames(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """What the second process did not record is missed, though the first one had recorded more frames than that."""
     first = record(tmp_path, *ITEMS)

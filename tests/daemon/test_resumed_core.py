@@ -37,7 +37,7 @@ LAST = tuple(CORE.finish())
 
 
 def resumed(saved: tuple[FrameDetections, ...], after_last: int, laps: list[Lap]) -> ResumedCore:
-    return ResumedCore(SETUP, lambda: saved, after_last=after_last, laps=laps, name="run-0.mcap")
+    return ResumedCore(SETUP, lambda: saved, frames=len(saved), after_last=after_last, laps=laps, name="run-0.mcap")
 
 
 def laps_in(events: list[Event]) -> list[Lap]:
@@ -77,12 +77,11 @@ class Held:
 def test_frames_that_come_meanwhile_wait_and_the_detector_is_told_where_to_look() -> None:
     """While the saved frames are raced again nothing is told, a car is followed all the same, and then all of it comes."""
     saved = Held()
-    core = ResumedCore(
-        SETUP, saved, after_last=len(TOLD[59]), laps=laps_in([e for t in TOLD[:60] for e in t]), name="r"
-    )
+    laps = laps_in([event for told in TOLD[:60] for event in told])
+    core = ResumedCore(SETUP, saved, frames=60, after_last=len(TOLD[59]), laps=laps, name="r")
     assert [event for found in FRAMES[60:90] for event in core.step(found)] == []
     assert len(core.windows(FRAMES[90].t_ns)) == 1
-    assert core.notes() == ("going on with r, which was cut short: its frames are being raced again",)
+    assert core.notes() == ("going on with r, which was cut short: 1 % of its frames are raced again",)
     assert not core.caught_up
     saved.go.set()
     core.wait()
@@ -93,7 +92,7 @@ def test_frames_that_come_meanwhile_wait_and_the_detector_is_told_where_to_look(
 def test_a_stop_does_not_wait_for_the_earlier_run() -> None:
     """A race that is stopped before it has caught up ends at once and tells nothing."""
     saved = Held()
-    core = ResumedCore(SETUP, saved, after_last=0, laps=[], name="r")
+    core = ResumedCore(SETUP, saved, frames=60, after_last=0, laps=[], name="r")
     core.step(FRAMES[60])
     threading.Timer(0.05, saved.go.set).start()
     assert core.finish() == []
