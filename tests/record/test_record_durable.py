@@ -219,9 +219,11 @@ def test_saved_is_said_only_after_the_disk_has_answered(tmp_path: Path, monkeypa
     assert asked.wait(30)
     assert not writer.is_saved(ticket)
     assert not writer.wait_saved(ticket, timeout_s=0.01)
+    assert writer.health().saved_laps == 0
     answer.set()
     assert writer.wait_saved(ticket)
     assert writer.is_saved(ticket)
+    assert writer.health().saved_laps == isinstance(event, Lap)
     assert sizes[0] > before
     writer.close()
 

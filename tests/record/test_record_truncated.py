@@ -1,5 +1,6 @@
 """A recording that is cut short, torn or hostile: what is whole is read, what is not is told, nothing is believed."""
 
+import os
 import struct
 import tracemalloc
 import zlib
@@ -13,7 +14,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.writer import Writer
-from record_samples import found, recorder, small_run
+from record_samples import chunk_spans, found, recorder, small_run
 
 from dnb_edge.errors import InputError
 from dnb_edge.record.reader import iter_frames, read_run
@@ -66,6 +67,29 @@ def test_every_truncation_keeps_every_complete_chunk(tmp_path: Path, whole: byte
         assert got == everything[:expected], offset
         assert not reader.complete
         assert reader.damage is not None
+
+
+def test_every_single_truncation_of_a_small_file(tmp_path: Path) -> None:
+    """The same at every byte of a small recording, header and summary included, from its end to its start."""
+    path = small_run(tmp_path, frames=6, laps_every=2)
+    everything, spans = messages_in(path), chunk_spans(path)
+    ends = [end for _, end in spans]
+    counts = []
+    for end in ends:
+        copy = tmp_path / "chunks.bin"
+        copy.write_bytes(path.read_bytes()[:end])
+        counts.append(len(messages_in(copy)))
+    assert counts == sorted({*counts})
+    assert counts[-1] == len(everything) > 20
+    for offset in range(path.stat().st_size - 1, -1, -1):
+        os.truncate(path, offset)
+        reader = LinearReader(path)
+        got = [(r.channel_id, r.log_time, r.data) for r in reader.records() if isinstance(r, Message)]
+        assert (
+            got
+            == everything[: max((count for end, count in zip(ends, counts, strict=True) if end <= offset), default=0)]
+        )
+        assert not reader.complete
 
 
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.97])
