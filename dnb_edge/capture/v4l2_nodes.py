@@ -17,6 +17,7 @@ DEV = Path("/dev")
 PROC = Path("/proc")
 SYS = Path("/sys")
 _INDEX = "-video-index"
+_OWN = " (this program itself)"
 
 
 def camera_id(path: Path, device: linux.Device, *, dev: Path = DEV, sys: Path = SYS) -> str:
@@ -80,7 +81,7 @@ def users_of(path: Path, *, proc: Path = PROC) -> tuple[list[str], bool]:
             held = any(_leads_to(link, target) for link in (process / "fd").iterdir())
             if held:
                 name = (process / "comm").read_text(encoding="utf-8", errors="replace").strip()
-                own = " (this program itself)" if process.name == str(os.getpid()) else ""
+                own = _OWN if process.name == str(os.getpid()) else ""
                 found.append(f"{name}, process {process.name}{own}")
         except PermissionError:
             hidden = True
@@ -92,9 +93,11 @@ def users_of(path: Path, *, proc: Path = PROC) -> tuple[list[str], bool]:
 def busy_words(path: Path, *, proc: Path = PROC) -> str:
     """Why the camera is busy and what to do about it."""
     users, hidden = users_of(path, proc=proc)
-    others = [user for user in users if not user.endswith("itself)")]
+    others = [user for user in users if not user.endswith(_OWN)]
     if others:
         return f"another program is using the camera ({'; '.join(others)}): close it"
+    if len(users) > 0 and not hidden:
+        return "this program itself is using the camera already: name each camera once"
     where = "of another user" if hidden else "that cannot be seen from here"
     return f"another program is using the camera, one {where}: close it (`sudo fuser -v {path}` names it)"
 

@@ -98,7 +98,9 @@ def read_offers(device: linux.Device, width_px: int, height_px: int) -> list[Off
     entry.type = _KIND
     for found in linux.iter_read(device, raw.IOC.ENUM_FMT, entry):
         fourcc = int(found.pixelformat)
-        pixel_format = linux.human_pixel_format(fourcc)
+        # The highest bit marks the big-endian twin of a format.
+        letters = linux.human_pixel_format(fourcc & 0x7FFFFFFF)
+        pixel_format = letters if letters.isascii() and letters.isprintable() else f"{fourcc:#x}"
         known = pixel_format in _PREFERRED
         sizes = _read_sizes(device, fourcc, (width_px, height_px)) if known else ()
         offers.append(Offer(pixel_format=pixel_format, sizes=sizes))
@@ -121,7 +123,9 @@ def choose(
         (offer for offer in offers if offer.pixel_format in wanted), key=lambda offer: wanted.index(offer.pixel_format)
     )
     if not usable:
-        offered = ", ".join(offer.pixel_format for offer in offers) or "no format"
+        names = list(dict.fromkeys(offer.pixel_format.strip() for offer in offers))
+        more = f" and {len(names) - _MOST_WORDS} more" if len(names) > _MOST_WORDS else ""
+        offered = f"{', '.join(names[:_MOST_WORDS]) or 'no format'}{more}"
         raise InputError(
             f"{path}: capture.pixel_format: the camera offers {offered}, and {' or '.join(wanted)} is needed"
         )

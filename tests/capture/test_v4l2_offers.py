@@ -107,6 +107,10 @@ def test_long_lists_are_cut_short():
     with pytest.raises(InputError, match=r"it has MJPG 624x16 at 30 fps; .*; 27 more") as caught:
         choose(CAMERA, offers, width_px=9, height_px=9, fps=9.0)
     assert len(str(caught.value)) < 500
+    many = [Offer(pixel_format=f"A{k:03}") for k in range(40)]
+    with pytest.raises(InputError, match=r"offers A000, .*, A011 and 28 more, and MJPG or") as caught:
+        choose(CAMERA, many, width_px=9, height_px=9, fps=9.0)
+    assert len(str(caught.value)) < 250
 
 
 @given(
