@@ -1,17 +1,22 @@
 """A recording that was cut short is ended where it stands: the stock reader finds all that is whole, whatever was cut."""
 
+import io
 import os
 import shutil
 from pathlib import Path
 
 import pytest
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Chunk, Message, MessageIndex
 from record_samples import chunk_spans, small_run
 
 from dnb_edge.errors import WorkError
 from dnb_edge.record.reader import read_run
 from dnb_edge.record.recover import recover_file
-from dnb_edge.record.scan import LinearReader, Message
+from dnb_edge.record.scan import LinearReader
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +33,26 @@ def cut_at(whole_path: Path, place: Path, offset: int) -> Path:
 
 
 def by_index(path: Path) -> list[tuple[str, int, bytes]]:
-    """All messages as the stock reader finds them by the file's index, checksums checked."""
+    """All messages as viewers find them: by the summary's chunk indexes and the message indexes that these point to."""
+    content, found = path.read_bytes(), []
     with path.open("rb") as stream:
-        return sorted(
-            (channel.topic, message.log_time, message.data)
-            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages()
-        )
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        stock = sorted((channel.topic, one.log_time, one.data) for _, channel, one in reader.iter_messages())
+    for chunk in summary.chunk_indexes:
+        record = Chunk.read(ReadDataStream(io.BytesIO(content[chunk.chunk_start_offset + 9 :])))
+        messages = zstandard.decompress(record.data, record.uncompressed_size)
+        for channel_id, offset in chunk.message_index_offsets.items():
+            assert content[offset] == Opcode.MESSAGE_INDEX
+            index = MessageIndex.read(ReadDataStream(io.BytesIO(content[offset + 9 :])))
+            assert index.channel_id == channel_id
+            for log_time, at in index.records:
+                length = int.from_bytes(messages[at + 1 : at + 9], "little")
+                one = Message.read(ReadDataStream(io.BytesIO(messages[at + 9 : at + 9 + length])), length)
+                assert (messages[at], one.log_time, one.channel_id) == (Opcode.MESSAGE, log_time, channel_id)
+                found.append((summary.channels[channel_id].topic, one.log_time, one.data))
+    assert sorted(found) == stock
+    return stock
 
 
 def in_file(path: Path) -> list[tuple[str, int, bytes]]:
