@@ -16,12 +16,12 @@ from pathlib import Path
 
 import cv2
 
-from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record import names, retention
 from dnb_edge.record.acks import Acks
+from dnb_edge.record.keeper import RoomKeeper
 from dnb_edge.record.mailbox import Mailbox
 from dnb_edge.record.pictures import IncidentPictures, PictureRing
-from dnb_edge.record.room import Level, Statvfs, level_of, room_of
+from dnb_edge.record.room import Level, Statvfs
 from dnb_edge.record.runfile import Continues, FileSpec, Item, RunFile, error_words
 from dnb_edge.values import (
     Crossing,
@@ -41,12 +41,6 @@ from dnb_edge.values import (
 BATCH = 64
 BACK_OFF_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 """Waits between attempts to open another file; the last one repeats. The first attempt is made at once."""
-
-LOOK_PERIOD_S = 1.0
-"""How often the room on the disk is looked at."""
-
-TOTAL_PERIOD_S = 60.0
-"""How often all recordings are added up, where there is room enough."""
 
 KEPT_MOST = 20_000
 """Laps, crossings and the like that wait in memory for a disk; the oldest are then lost."""
@@ -94,7 +88,6 @@ class Scribe:
         self._plan = plan
         self._spec = spec
         self._mail = mail
-        self._statvfs = statvfs
         self._clock_s = clock_s
         self.acks = Acks()
         self.wanted_ticket = 0
@@ -108,16 +101,12 @@ class Scribe:
         """True to stop and leave the `.part`."""
         self.path = plan.directory
         """The last file, as it is called now; the directory before there is one."""
-        self.level = Level.ALL
         self.lost = 0
         """Detections, observations and targets that no file has."""
         self.lost_pictures = 0
         self.saved_laps = 0
         self.troubles: tuple[str, ...] = ()
         """What went wrong with earlier files."""
-        self.removed: tuple[retention.Removal, ...] = ()
-        """Old recordings that were deleted to make room."""
-        self.room_warning: str | None = None
         self._file: RunFile | None = None
         self._first: str | None = None
         self._previous = ""
@@ -130,9 +119,10 @@ class Scribe:
         """Of those, what a finished file has told."""
         self._attempt = 0
         now_s = clock_s()
-        self._next_open_s = self._next_look_s = self._next_total_s = now_s
+        self._next_open_s = now_s
         self._next_sync_s = now_s + plan.sync_period_s
         self._rotate_s: float | None = None
+        self._keeper = RoomKeeper(plan.limits, may_delete=plan.prune, statvfs=statvfs, now_s=now_s)
         self._ring = None if plan.image_ring_bytes is None else PictureRing(spec, plan.image_ring_bytes)
         self._incident_pictures = IncidentPictures()
 
@@ -189,24 +179,15 @@ class Scribe:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is wrong, in words."""
-        found = [*self.troubles]
-        if self.level is Level.LAPS_ONLY:
-            found.append("the disk is nearly full: only laps are recorded, no detections and no pictures")
-        elif self.level is Level.NO_PICTURES:
-            found.append("the disk is nearly full: no pictures are recorded")
-        if self.room_warning is not None:
-            found.append(self.room_warning)
+        found = [*self.troubles, *self._keeper.warnings]
         if self._ring is not None and self._ring.reason is not None:
             found.append(f"no pictures are recorded: {self._ring.reason}")
-        if self.removed:
-            last = self.removed[-1].name
-            found.append(f"{len(self.removed)} old recordings, or their pictures, deleted to make room, last of {last}")
         return tuple(found)
 
     def _wait_s(self) -> float:
         """Until something must be done though nothing comes."""
         due_s = self._next_sync_s if self._file is not None else self._next_open_s
-        return max(0.0, min(due_s, self._next_look_s) - self._clock_s())
+        return max(0.0, min(due_s, self._keeper.due_s) - self._clock_s())
 
     def _take(self, ticket: int, item: Item) -> None:
         self._written = ticket
@@ -219,7 +200,7 @@ class Scribe:
                 self.acks.lost(self._kept.popleft()[0])
                 self.lost += 1
         is_data = isinstance(item, _DATA)
-        if self._file is None or (is_data and self.level is Level.LAPS_ONLY):
+        if self._file is None or (is_data and self._keeper.level is Level.LAPS_ONLY):
             if is_data:
                 self.lost += 1
             if not isinstance(item, _KEPT):
@@ -228,14 +209,14 @@ class Scribe:
         self._file.write(item)
         if not isinstance(item, _KEPT):
             self._unsynced.append((ticket, is_data))
-        if isinstance(item, Incident) and self._ring is not None and self.level is Level.ALL:
+        if isinstance(item, Incident) and self._ring is not None and self._keeper.level is Level.ALL:
             picture = self._incident_pictures.of(item)
             if picture is not None:
                 self._file.write(picture)
 
     def _take_picture(self, frame: Frame) -> None:
         written = False
-        if self._file is not None and self.level is Level.ALL:
+        if self._file is not None and self._keeper.level is Level.ALL:
             if self._ring is None:
                 self._file.write(frame)
                 written = True
@@ -256,8 +237,8 @@ class Scribe:
             self._next_sync_s = self._clock_s() + self._plan.sync_period_s
         if self._file is not None and self._file.failure is not None:
             self._file_failed(self._file.failure)
-        if now_s >= self._next_look_s:
-            self._look(now_s)
+        if now_s >= self._keeper.due_s:
+            self._keeper.look(self.path.parent if self._file is not None else self._plan.directory, now_s)
         if self._rotate_s is not None and now_s >= self._rotate_s and any(isinstance(item, Lap) for item in batch):
             self._rotate()
 
@@ -301,7 +282,7 @@ class Scribe:
             self._sync()
             if self._file is not None and self._file.failure is None:
                 self.reason = None
-                self._look(self._clock_s())
+                self._keeper.look(place, self._clock_s())
                 return
             if self._file is not None:
                 why = error_words(self._file.failure)
@@ -374,36 +355,6 @@ class Scribe:
         if file is self._file:
             self.path = file.path
         return done
-
-    def _look(self, now_s: float) -> None:
-        """See how much room there is, and make some where old recordings may go."""
-        self._next_look_s = now_s + LOOK_PERIOD_S
-        place = self.path.parent if self._file is not None else self._plan.directory
-        limits = self._plan.limits
-        try:
-            room = room_of(place, self._statvfs)
-            short = room.free_bytes < room.kept_free(limits.keep_free_bytes) * retention.MORE_THAN_KEPT
-            if self._plan.prune and (short or (limits.max_total_bytes is not None and now_s >= self._next_total_s)):
-                self._make_room(place, now_s)
-                room = room_of(place, self._statvfs)
-        except OSError:
-            # A disk that does not even tell its size fails at the next write, which says more.
-            return
-        self.level = level_of(room, limits.keep_free_bytes, self.level)
-
-    def _make_room(self, place: Path, now_s: float) -> None:
-        """Delete one old recording, or its pictures; the next look deletes the next."""
-        try:
-            removal = retention.prune_one(place, self._plan.limits, self._statvfs)
-            left = retention.still_too_much(place, self._plan.limits, self._statvfs)
-        except (InputError, WorkError) as error:
-            self.room_warning = str(error)
-            return
-        if removal is not None:
-            self.removed = (*self.removed, removal)
-        else:
-            self._next_total_s = now_s + TOTAL_PERIOD_S
-        self.room_warning = None if left is None or removal is not None else f"nothing more may be deleted: {left}"
 
     def _trouble(self, text: str) -> None:
         self.troubles = (*self.troubles[-3:], text)
