@@ -78,7 +78,7 @@ def _damage(rng: random.Random, records: Records) -> None:
             records[at] = (ATTACHMENT, _attachment(rng, body))
         else:
             _shuffle(rng, records, at)
-    except (struct.error, zstandard.ZstdError):  # it has been damaged before
+    except (struct.error, zstandard.ZstdError, OverflowError, MemoryError):  # it has been damaged before
         records[at] = (opcode, fuzz_bytes.mutated(rng, body))
 
 
@@ -105,7 +105,11 @@ def _chunk(rng: random.Random, body: bytes) -> bytes:
     start_t, end_t, size, _, name_length = struct.unpack_from("<QQQII", body)
     packed = body[32 + name_length + 8 :]
     name = body[32 : 32 + name_length]
-    content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if name == b"zstd" else packed
+    content = (
+        zstandard.ZstdDecompressor().decompress(packed, max_output_size=min(size, 1 << 24))
+        if name == b"zstd"
+        else packed
+    )
     inner = records_of(content)
     for _ in range(rng.randint(1, 3)):
         if not inner:

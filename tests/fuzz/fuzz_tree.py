@@ -11,10 +11,11 @@ import yaml
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 ODD: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1, 2, 7, 2**31, 2**63, -(2**63), 10**30, 10**400, 0.0, -0.0, 0.5, 1e-320, 1e-9, 1e9, 1e18, 1e308,
-    -1e308, math.inf, -math.inf, math.nan, "", " ", "0", "-1", "1e9", "nan", "x", "auto", "off", "sim:",
-    "../../etc/passwd", "/dev/null", "\0", "\n", "\ud7ff\u202e", "x" * 5000, "a.b", "{}", [], {}, [[]], [None], [0, 0], [1, 2, 3],
-    [[0, 0], [0, 0]],     {"": 0}, {"x": {}}, [1e308, -1e308], [math.nan, 0.0], list(range(500)), {"a": 1, "b": [2]}, "2026-11-23", "yes", "~",
+    None, True, False, 0, -1, 1, 2, 7, 2**31, 2**63, -(2**63), 10**30, 10**400, 0.0, -0.0, 0.5, 1e-320, 1e-9, 1e9,
+    1e18, 1e308, -1e308, math.inf, -math.inf, math.nan, "", " ", "0", "-1", "1e9", "nan", "x", "auto", "off", "sim:",
+    "../../etc/passwd", "/dev/null", "\0", "\n", "\ud7ff\u202e", "x" * 5000, "a.b", "{}", [], {}, [[]], [None],
+    [0, 0], [1, 2, 3], [[0, 0], [0, 0]], {"": 0}, {"x": {}}, [1e308, -1e308], [math.nan, 0.0], list(range(500)),
+    {"a": 1, "b": [2]}, "2026-11-23", "yes", "~",
 )  # fmt: skip
 """Values of every type that a document may hold, at the edges of their range."""
 
