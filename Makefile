@@ -15,6 +15,8 @@ TORCH_INDEX ?=
 DEMO_FLAGS ?=
 TRAIN_FLAGS ?=
 AARCH64_FLAGS ?=
+AARCH64_DEMO_FLAGS ?=
+FUZZ_FLAGS ?=
 PYTEST_FLAGS ?=
 export PYTHON VENV_FLAGS TORCH_INDEX
 
@@ -22,7 +24,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train aarch64-check system-test lock clean
+.PHONY: help demo test lint format train fuzz aarch64-check system-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
@@ -53,11 +55,17 @@ train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see 
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
 
-aarch64-check: .venv/.test-installed ## The model's answers and the race's numbers here and on a Pi's processors, emulated (Linux, root, minutes)
+fuzz: .venv/.test-installed ## 100 000 damaged recordings, configurations, calibrations and model cards (half an hour)
+	$(call say,tests/fuzz/fuzz.py)
+	@$(BIN)/python tests/fuzz/fuzz.py $(FUZZ_FLAGS)
+
+aarch64-check: .venv/.test-installed ## The model, the race and the installed demo here and on a Pi's processors, emulated (Linux, root, an hour)
 	$(call say,tests/system/aarch64_output.py)
 	@$(BIN)/python tests/system/aarch64_output.py $(AARCH64_FLAGS)
 	$(call say,tests/system/aarch64_core.py)
 	@$(BIN)/python tests/system/aarch64_core.py $(AARCH64_FLAGS)
+	$(call say,tests/system/aarch64_demo.py)
+	@$(BIN)/python tests/system/aarch64_demo.py $(AARCH64_DEMO_FLAGS)
 
 system-test: .venv/.test-installed ## The appliance in a virtual machine with a played USB webcam: races and faults (Linux, root, qemu; 25 minutes)
 	$(call say,pytest tests/system)

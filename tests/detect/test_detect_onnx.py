@@ -37,6 +37,7 @@ def test_one_flipped_bit_is_found(copied):
     [
         (None, r"m\.json: the model's card cannot be read"),
         ("{", r"m\.json: not a model card"),
+        ("[" * 100_000, r"m\.json: not a model card"),
         ("[]", r"m\.json: the card has no 'sha256'"),
         ("{}", r"m\.json: the card has no 'sha256'"),
         ('{"sha256": 5}', r"m\.json: the card has no 'sha256'"),

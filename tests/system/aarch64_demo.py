@@ -1,8 +1,8 @@
 """The whole appliance on a Raspberry Pi's processor, emulated, installed as a user would: `dnb-edge demo` there and here.
 
 Not a test of `make test`: it needs Linux, root, the network and Debian's `mmdebstrap` and `qemu-user-static`; where one is
-missing it says so and ends well. `make aarch64-check` runs it. A Debian 13 for arm64, today's Raspberry Pi OS' base, is unpacked
-into build/ and kept there; the package is installed in it from this checkout with pip, under the pins of constraints.txt, and
+missing it says so and ends well. `make aarch64-check` runs it. A Debian 13 for arm64, the base of Raspberry Pi OS today, is
+unpacked into build/ and kept there; the package is installed in it from this checkout with pip, under constraints.txt, and
 what has no wheel is compiled there. The first time takes half an hour on two cores, later ones ten minutes.
 
 Pictures, detector, core, recording and report run there. Lap times must agree within 0.1 ms, similarity within 0.1 of a point.
@@ -106,7 +106,7 @@ def build(root: Path) -> None:
 
 
 def install(root: Path) -> None:
-    """This checkout in the guest's /opt/venv, under the pins of constraints.txt; what is pinned is installed when pins change."""
+    """This checkout in the guest's /opt/venv; what constraints.txt pins is installed anew when the pins change."""
     source, stamp = root / "src", root / "opt/pins.sha256"
     shutil.rmtree(source, ignore_errors=True)
     source.mkdir()
@@ -155,17 +155,17 @@ def main() -> None:
         description="Install and race on aarch64, emulated, and compare with this processor."
     )
     parser.add_argument(
-        "--demo-root", type=Path, default=REPOSITORY / "build/aarch64-trixie", help="its folder; made if absent"
+        "--root", type=Path, default=REPOSITORY / "build/aarch64-trixie", help="its folder; made if absent"
     )
-    parser.add_argument("--demo-laps", type=int, default=1)
-    given, _ = parser.parse_known_args()  # the other checks' options
+    parser.add_argument("--laps", type=int, default=1)
+    given = parser.parse_args()
     why_not = cannot()
     if why_not is not None:
         print(f"skipped: {why_not}")
         return
-    root: Path = given.demo_root.resolve()
+    root: Path = given.root.resolve()
     root.parent.mkdir(parents=True, exist_ok=True)
-    demo = ["demo", "--laps", str(given.demo_laps), "--fast", "--json", "--out"]
+    demo = ["demo", "--laps", str(given.laps), "--fast", "--json", "--out"]
     with emulation(), tempfile.TemporaryDirectory() as scratch:
         if not root.exists():
             build(root)
