@@ -61,7 +61,7 @@ class LiveCamera:
 
     def frames(self) -> Iterator[Frame]:
         late_ns = time.monotonic_ns() - self._since_ns
-        first = next(i for i in range(rig().frames) if rig().t_ns(i) > late_ns)
+        first = next((i for i in range(rig().frames) if rig().t_ns(i) > late_ns), rig().frames)
         for i in range(first, rig().frames):
             t_ns = self._since_ns + rig().t_ns(i)
             if self._closed.wait(max(0.0, (t_ns - time.monotonic_ns()) * 1e-9)):
