@@ -24,7 +24,7 @@ def recording_settings(config: RecordConfig, directory: Path, *, live: bool) -> 
     """How to record into `directory`."""
     if not live:
         image_fps = IMAGE_FPS if config.image_fps is None else config.image_fps
-        return RecordingSettings(directory=directory, image_fps=image_fps or None, lossless=True)
+        return RecordingSettings(directory=directory, image_fps=image_fps or None, lossless=True, go_on=False)
     image_fps = LIVE_IMAGE_FPS if config.image_fps is None else config.image_fps
     limits = recording_limits(config)
     return RecordingSettings(

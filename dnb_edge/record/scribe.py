@@ -7,6 +7,7 @@ the like is written again into the next one.
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections import deque
@@ -65,6 +66,8 @@ class Plan:
     prune: bool = False
     rotate_s: float | None = None
     image_ring_bytes: int | None = None
+    go_on: bool = True
+    """False to end the recording with its first file that fails."""
 
     @property
     def limits(self) -> retention.Limits:
@@ -263,12 +266,17 @@ class Scribe:
             self.acks.lost(ticket)
             self.lost += is_data
         self._unsynced.clear()
-        self._trouble(f"{self.path.name} was given up: {words}")
+        if self._plan.go_on:
+            self._trouble(f"{self.path.name} was given up: {words}")
         self._open_again(why=words, last=self.path.parent)
 
     def _open_again(self, *, why: str | None = None, last: Path | None = None) -> None:
         """Try every directory for a new file, the one that has just failed last; say why where none takes one."""
         why = why or self.reason or "interrupted"
+        if not self._plan.go_on:
+            self.reason, self._next_open_s = why, math.inf
+            self.acks.wake()
+            return
         places = [self._plan.directory, *self._plan.fallback]
         for place in sorted(places, key=lambda place: place == last):
             try:

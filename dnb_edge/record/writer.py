@@ -57,6 +57,8 @@ class RecordingSettings:
     """Bytes of the ring of pictures beside the recording; None to keep them all in the recording itself."""
     rotate_s: float | None = None
     """Time after which the recording goes on in another file, behind the end of the next lap; None for one file."""
+    go_on: bool = True
+    """True to go on in another file where one fails; False for a source that can simply be raced again."""
     start_anyway: bool = False
     """True to start though no disk can be written to, and to try again later: for a race that nobody watches."""
 
@@ -114,6 +116,7 @@ class Recorder:
             prune=settings.prune,
             rotate_s=settings.rotate_s,
             image_ring_bytes=settings.image_ring_bytes,
+            go_on=settings.go_on,
         )
         self._mail: Mailbox[Item] = Mailbox(capacity=settings.queue_messages, picture_capacity=settings.queue_pictures)
         self._scribe = Scribe(plan, spec, self._mail, statvfs=statvfs)
@@ -176,7 +179,7 @@ class Recorder:
         warnings = [*scribe.warnings]
         if self._mail.lost:
             warnings.append(f"{self._mail.lost} messages not recorded: the disk cannot keep up")
-        if scribe.lost:
+        if scribe.lost and scribe.reason is None:
             warnings.append(f"{scribe.lost} messages not recorded: the disk failed or was nearly full")
         if self._mail.dropped_pictures:
             warnings.append(f"{self._mail.dropped_pictures} pictures not recorded: the disk cannot keep up")

@@ -22,7 +22,12 @@ def test_a_file_s_race_waits_and_deletes_nothing() -> None:
     """Whatever the configuration says of rings, limits and rotation: that is for races that nobody watches."""
     config = RecordConfig(max_total_gb=1.0, fallback=(Path("/media/stick"),))
     settings = recording_settings(config, PLACE, live=False)
-    assert (settings.lossless, settings.image_fps, settings.image_ring_bytes) == (True, 5.0, None)
+    assert (settings.lossless, settings.image_fps, settings.image_ring_bytes, settings.go_on) == (
+        True,
+        5.0,
+        None,
+        False,
+    )
     assert (settings.keep_free_bytes, settings.max_total_bytes, settings.prune) == (0, None, False)
     assert (settings.rotate_s, settings.start_anyway, settings.fallback) == (None, False, ())
 

@@ -159,6 +159,21 @@ def test_what_is_kept_is_written_at_the_end(tmp_path: Path, monkeypatch: pytest.
     assert laps_in(tmp_path)[-1] == 1
 
 
+def test_a_race_that_can_be_run_again_ends_its_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With files and the simulator a failed file is the end of the recording, in one line, and no other file is begun."""
+    broken = Broken(monkeypatch, tmp_path)
+    writer = live_recorder(tmp_path, go_on=False)
+    broken.on = True
+    assert not writer.wait_saved(writer.add_event(lap(1, 1_000)))
+    broken.on = False
+    writer.add_detections(found(1, 2_000))
+    assert not writer.wait_saved(writer.add_event(lap(2, 3_000)))
+    with pytest.raises(WorkError, match="recording failed: input/output error"):
+        writer.close()
+    assert writer.health().warnings == ("recording failed: input/output error",)
+    assert list(tmp_path.iterdir()) == [writer.path]
+
+
 @pytest.fixture
 def mounted(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own that can be made read-only."""
