@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 from dnb_edge.assembly import Assembly, assemble, make_detector, make_header, make_scene, make_source
+from dnb_edge.capture.settings import changed_controls
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon.alone import alone, lock_directory
@@ -124,7 +125,7 @@ def run_appliance(
             feed=feed,
             detector=rooms.detector,
             core=core,
-            meter=_meter(rooms, earlier),
+            meter=_meter(rooms, source.info, earlier),
             laps=0 if earlier is None else len(earlier.laps),
             sinks=[*recording, *watching],
             displays=shown,
@@ -261,7 +262,7 @@ def _finish(recorder: Recorder | None) -> tuple[str | None, WorkError | None]:
         return None, error
 
 
-def _meter(rooms: _Rooms, earlier: Unfinished | None) -> Meter:
+def _meter(rooms: _Rooms, info: SourceInfo, earlier: Unfinished | None) -> Meter:
     assembly = rooms.assembly
     fault, reason = rooms.config_fault, assembly.setup.not_scored_because
     return Meter(
@@ -272,6 +273,7 @@ def _meter(rooms: _Rooms, earlier: Unfinished | None) -> Meter:
         standing_warnings=(
             *(() if fault is None else (f"last good configuration in use: {fault}",)),
             *(() if reason is None else (reason,)),
+            *changed_controls(info.controls),
         ),
     )
 

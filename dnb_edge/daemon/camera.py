@@ -1,6 +1,6 @@
 """Opening a run's camera again: the same one, wherever it is plugged in now, and no other.
 
-Knows what the camera said of itself when the run began and where udev keeps its names. A run's calibration holds for that
+Knows what the camera said of itself when the run began, and whom to ask where it is now. A run's calibration holds for that
 camera alone, so another one in its place gives no frame. Knows no driver and no thread.
 """
 
@@ -10,20 +10,25 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from dnb_edge.capture.source import FrameSource
+from dnb_edge.capture.v4l2_nodes import node_of
 from dnb_edge.errors import DnbEdgeError, InputError, TemporaryFault
 from dnb_edge.values import SourceInfo
-
-NAMES = Path("/dev/v4l")
-"""Where udev keeps cameras' lasting names: by-id, by-path."""
 
 
 class SameCamera:
     """Opens the camera that `first` tells of; call it after the old one was closed."""
 
-    def __init__(self, first: SourceInfo, open_uri: Callable[[str], FrameSource], *, names: Path = NAMES) -> None:
+    def __init__(
+        self,
+        first: SourceInfo,
+        open_uri: Callable[[str], FrameSource],
+        *,
+        find: Callable[[str], Path | None] = node_of,
+    ) -> None:
+        """`find`: where the camera of an identity is now; None where it is not plugged in."""
         self._first = first
         self._open_uri = open_uri
-        self._names = names
+        self._find = find
 
     def __call__(self) -> FrameSource:
         """The same camera, open. Raises `InputError` or `TemporaryFault` saying why it is not there."""
@@ -37,14 +42,12 @@ class SameCamera:
         raise faults[0]
 
     def _places(self) -> Iterator[str]:
-        """Where the camera was, and where udev says that it is now: a node may have got another number."""
+        """Where the camera was, and where it is now: its node may have got another number."""
         yield self._first.uri
-        if self._first.camera_id is None or not self._first.uri.startswith("v4l2:"):
-            return
-        for folder in ("by-id", "by-path"):
-            link = self._names / folder / self._first.camera_id
-            if link.exists():
-                yield f"v4l2:{link}"
+        if self._first.camera_id is not None and self._first.uri.startswith("v4l2:"):
+            found = self._find(self._first.camera_id)
+            if found is not None:
+                yield f"v4l2:{found}"
 
     def _opened(self, uri: str) -> FrameSource:
         source = self._open_uri(uri)

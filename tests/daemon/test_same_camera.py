@@ -1,6 +1,5 @@
 """A camera that comes back: the same one wherever it is, and no other in its place."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,33 +30,26 @@ class Bus:
         return camera
 
 
-@pytest.fixture
-def names(tmp_path: Path) -> Callable[[str], str]:
-    """Makes udev's name of a camera; its URI."""
-
-    def make(camera_id: str) -> str:
-        path = tmp_path / "by-id" / camera_id
-        path.parent.mkdir(exist_ok=True)
-        path.touch()
-        return f"v4l2:{path}"
-
-    return make
+def nowhere(identity: str) -> Path | None:
+    """No camera is plugged in but those of the bus."""
+    return None
 
 
-def test_the_same_camera_under_the_same_node(tmp_path: Path) -> None:
+def test_the_same_camera_under_the_same_node() -> None:
     """Nothing changed but time."""
     bus = Bus({FIRST.uri: FIRST})
-    assert SameCamera(FIRST, bus.open, names=tmp_path)().info == FIRST
+    assert SameCamera(FIRST, bus.open, find=nowhere)().info == FIRST
 
 
-def test_a_renumbered_camera_is_found_by_its_name(tmp_path: Path, names: Callable[[str], str]) -> None:
-    """It was video0 and is video1 now: udev's link leads to it, with nobody at video0 or another camera there."""
-    uri = names(FIRST.camera_id)
+def test_a_renumbered_camera_is_found_by_its_name() -> None:
+    """It was video0 and is video1 now: its identity leads to it, with nobody at video0 or another camera there."""
+    uri = "v4l2:/dev/video1"
+    find = {FIRST.camera_id: Path("/dev/video1")}.get
     found = replace(FIRST, uri=uri)
-    assert SameCamera(FIRST, Bus({uri: found}).open, names=tmp_path)().info == found
+    assert SameCamera(FIRST, Bus({uri: found}).open, find=find)().info == found
     other = replace(FIRST, camera_id="usb-Other")
     bus = Bus({FIRST.uri: other, uri: found})
-    assert SameCamera(FIRST, bus.open, names=tmp_path)().info == found
+    assert SameCamera(FIRST, bus.open, find=find)().info == found
     assert [camera.closed for camera in bus.opened] == [True, False]
 
 
@@ -73,16 +65,16 @@ def test_a_renumbered_camera_is_found_by_its_name(tmp_path: Path, names: Callabl
     ],
     ids=["none", "another", "another size"],
 )
-def test_what_is_not_the_camera_gives_no_frame(tmp_path: Path, there: SourceInfo | None, said: str) -> None:
+def test_what_is_not_the_camera_gives_no_frame(there: SourceInfo | None, said: str) -> None:
     """One line says what to do, and whatever was opened is closed again."""
     bus = Bus({} if there is None else {FIRST.uri: there})
     with pytest.raises((InputError, TemporaryFault)) as raised:
-        SameCamera(FIRST, bus.open, names=tmp_path)()
+        SameCamera(FIRST, bus.open, find=nowhere)()
     assert str(raised.value).startswith(said)
     assert all(camera.closed for camera in bus.opened)
 
 
-def test_a_camera_without_a_name_is_taken_as_it_is(tmp_path: Path) -> None:
+def test_a_camera_without_a_name_is_taken_as_it_is() -> None:
     """Where no identity is known there is nothing to compare."""
     nameless = replace(FIRST, camera_id=None)
-    assert SameCamera(nameless, Bus({FIRST.uri: FIRST}).open, names=tmp_path)().info == FIRST
+    assert SameCamera(nameless, Bus({FIRST.uri: FIRST}).open, find=nowhere)().info == FIRST
