@@ -10,10 +10,14 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.values import Event, FrameDetections, Lap, Observation, SearchWindow
+
+FEW_FRAMES = 8
+"""So many frames that have waited are raced at once, in two milliseconds."""
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +52,8 @@ class ResumedCore:
         self._core = Core(setup)
         # Follows what is seen meanwhile, only so that the detector looks in the right place.
         self._scout: Core | None = Core(setup, tell_running=False)
-        self._backlog: list[FrameDetections] = []
+        # The race appends, the thread takes from the other end; once the thread has ended the race does both.
+        self._backlog: deque[FrameDetections] = deque()
         self._untold: list[Event] = []
         self._stop = threading.Event()
         self._failure: Exception | None = None
@@ -109,9 +114,10 @@ class ResumedCore:
         if self._failure is not None:
             raise self._failure
         self._scout = None
-        backlog, self._backlog = self._backlog, []
-        untold, self._untold = self._untold, []
-        return untold + [event for found in backlog for event in self._core.step(found)]
+        events, self._untold = self._untold, []
+        while self._backlog:
+            events += self._core.step(self._backlog.popleft())
+        return events
 
     def _run(self) -> None:
         """Body of the thread."""
@@ -138,6 +144,10 @@ class ResumedCore:
         self._differs = tuple(laps) != self._laps
         if self._differs:
             log.warning("%s: raced again it gives other laps than were told", self._name)
+        # What came meanwhile, up to a few: the race must not stand still for it.
+        while len(self._backlog) > FEW_FRAMES and not self._stop.is_set():
+            self._untold += core.step(self._backlog.popleft())
+            time.sleep(0)
 
 
 def _note(events: Iterable[Event], laps: list[Lap], seen: set[int]) -> None:
