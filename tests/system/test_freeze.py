@@ -4,7 +4,7 @@ import time
 
 import pytest
 from harness import reel
-from harness.appliance import DISPLAY_URI, account, note, the_run
+from harness.appliance import DISPLAY_URI, PATIENCE_S, account, note, the_run
 from harness.webcam import Show
 
 from dnb_edge.display import protocol
@@ -21,16 +21,16 @@ def test_a_camera_that_gives_nothing_new_is_said_and_recovers(guest, appliance, 
     config = reel.configuration(logs / "config", source=f"v4l2:{webcam.node}", display={"uri": DISPLAY_URI})
     appliance.install(config)
     appliance.start()
-    appliance.display.wait(protocol.State, lambda state: state.word == "LAP", since_s=0.0, timeout_s=60.0)
+    appliance.display.wait(protocol.State, lambda state: state.word == "LAP", since_s=0.0, timeout_s=PATIENCE_S)
     webcam.show = show
     begun_s = time.monotonic()
     said_s, warning = appliance.display.wait(
-        protocol.Warn, lambda warn: word in warn.text, since_s=begun_s, timeout_s=30.0
+        protocol.Warn, lambda warn: word in warn.text, since_s=begun_s, timeout_s=PATIENCE_S
     )
     time.sleep(2.0)
     webcam.show = Show.PLAY
     playing_s = time.monotonic()
-    lap_s, _ = appliance.display.wait(protocol.Lap, lambda _: True, since_s=playing_s, timeout_s=90.0)
+    lap_s, _ = appliance.display.wait(protocol.Lap, lambda _: True, since_s=playing_s, timeout_s=PATIENCE_S)
     appliance.stop()
     frames = account(the_run(appliance.recordings(logs / "runs")))
     note(

@@ -3,7 +3,7 @@
 import time
 
 from harness import reel
-from harness.appliance import DISPLAY_URI, laps, note
+from harness.appliance import DISPLAY_URI, PATIENCE_S, laps, note
 
 from dnb_edge.display import protocol
 from dnb_edge.record.reader import read_run
@@ -18,16 +18,16 @@ def test_a_killed_session_goes_on(guest, appliance, webcam, logs):
     appliance.install(reel.configuration(logs / "config", source=f"v4l2:{webcam.node}", display={"uri": DISPLAY_URI}))
     appliance.start()
     display = appliance.display
-    display.wait(protocol.Lap, lambda lap: lap.number == 2, since_s=0.0, timeout_s=90.0)
+    display.wait(protocol.Lap, lambda lap: lap.lap == 2, since_s=0.0, timeout_s=PATIENCE_S)
     time.sleep(0.4 * reel.lap_s())
-    before = {message.number: message.time_s for _, message in display.lines if isinstance(message, protocol.Lap)}
+    before = {message.lap: message.time_s for _, message in display.lines if isinstance(message, protocol.Lap)}
     guest.run(f"kill -KILL {appliance.main_pid()}")
     killed_s = time.monotonic()
-    back_s, _ = display.wait(protocol.Hello, lambda _: True, since_s=killed_s, timeout_s=90.0)
+    back_s, _ = display.wait(protocol.Hello, lambda _: True, since_s=killed_s, timeout_s=PATIENCE_S)
     most = max(before)
-    display.wait(protocol.Lap, lambda lap: lap.number == most + 1, since_s=back_s, timeout_s=90.0)
+    display.wait(protocol.Lap, lambda lap: lap.lap == most + 1, since_s=back_s, timeout_s=PATIENCE_S)
     repainted = {
-        message.number: message.time_s
+        message.lap: message.time_s
         for at_s, message in display.lines
         if at_s > killed_s and isinstance(message, protocol.Lap)
     }

@@ -4,7 +4,7 @@ import time
 
 import pytest
 from harness import reel
-from harness.appliance import DISPLAY_URI, laps, note, stamps_s, the_run
+from harness.appliance import DISPLAY_URI, PATIENCE_S, laps, note, stamps_s, the_run
 from harness.webcam import Webcam
 
 from dnb_edge.display import protocol
@@ -21,7 +21,7 @@ def racing(guest, appliance, webcam, logs):
     config = reel.configuration(logs / "config", source=f"v4l2:{webcam.node}", display={"uri": DISPLAY_URI})
     appliance.install(config)
     appliance.start()
-    appliance.display.wait(protocol.State, lambda state: state.word == "LAP", since_s=0.0, timeout_s=60.0)
+    appliance.display.wait(protocol.State, lambda state: state.word == "LAP", since_s=0.0, timeout_s=PATIENCE_S)
     return appliance
 
 
@@ -39,12 +39,12 @@ def test_an_unplugged_camera_is_said_and_comes_back(racing, guest, webcam, logs)
     pulled_s = time.monotonic()
     webcam.unplug()
     warned_s, warning = racing.display.wait(
-        protocol.Warn, lambda warn: "camera" in warn.text, since_s=pulled_s, timeout_s=20.0
+        protocol.Warn, lambda warn: "camera" in warn.text, since_s=pulled_s, timeout_s=PATIENCE_S
     )
     node_s = webcam.plug(guest)
     plugged_s = time.monotonic()
-    suspect_s, suspect = racing.display.wait(protocol.Suspect, lambda _: True, since_s=plugged_s, timeout_s=60.0)
-    racing.display.wait(protocol.Lap, lambda _: True, since_s=suspect_s + 1.0, timeout_s=60.0)
+    suspect_s, suspect = racing.display.wait(protocol.Suspect, lambda _: True, since_s=plugged_s, timeout_s=PATIENCE_S)
+    racing.display.wait(protocol.Lap, lambda _: True, since_s=suspect_s + 1.0, timeout_s=PATIENCE_S)
     racing.stop()
     assert racing.shown("NRestarts") == {"NRestarts": "0"}
     run = the_run(racing.recordings(logs / "runs"))
@@ -73,7 +73,7 @@ def test_twenty_times_unplugged_is_twenty_times_back(racing, guest, webcam, logs
         webcam.unplug()
         time.sleep(1.0)
         webcam.plug(guest)
-        waits_s.append(until_frames(webcam, timeout_s=30.0))
+        waits_s.append(until_frames(webcam, timeout_s=PATIENCE_S))
     after = int(guest.run(f"ls /proc/{pid}/fd | wc -l"))
     note(logs, cycles=CYCLES, frames_s=[round(wait, 2) for wait in waits_s], descriptors=[before, after])
     assert racing.main_pid() == pid
@@ -92,13 +92,13 @@ def test_another_camera_in_its_place_is_refused(guest, appliance, webcam, logs):
         other.plug(guest)
         plugged_s = time.monotonic()
         _, warning = appliance.display.wait(
-            protocol.Warn, lambda warn: "B2" in warn.text, since_s=plugged_s, timeout_s=30.0
+            protocol.Warn, lambda warn: "B2" in warn.text, since_s=plugged_s, timeout_s=PATIENCE_S
         )
         note(logs, words=warning.text)
         other.unplug()
         webcam.plug(guest)
         appliance.display.wait(
-            protocol.Health, lambda health: (health.fps or 0) > 0, since_s=time.monotonic(), timeout_s=60.0
+            protocol.Health, lambda health: (health.fps or 0) > 0, since_s=time.monotonic(), timeout_s=PATIENCE_S
         )
     finally:
         other.close()

@@ -4,7 +4,7 @@ import time
 
 import pytest
 from harness import reel
-from harness.appliance import DISPLAY_URI, account, note, the_run
+from harness.appliance import DISPLAY_URI, PATIENCE_S, account, note, the_run
 from test_contract import VIVID
 
 from dnb_edge.display import protocol
@@ -19,7 +19,7 @@ def watching(guest, appliance, logs):
     config = reel.configuration(logs / "config", source="v4l2:/dev/video0", display={"uri": DISPLAY_URI})
     appliance.install(config)
     appliance.start()
-    appliance.display.wait(protocol.Health, lambda health: (health.fps or 0) > 0, since_s=0.0, timeout_s=60.0)
+    appliance.display.wait(protocol.Health, lambda health: (health.fps or 0) > 0, since_s=0.0, timeout_s=PATIENCE_S)
     return appliance
 
 
@@ -47,9 +47,9 @@ def test_a_stream_that_fails_is_opened_again(watching, guest, logs):
     begun_s = time.monotonic()
     guest.run("v4l2-ctl -d /dev/video0 -c inject_fatal_streaming_error=1")
     said_s, warning = watching.display.wait(
-        protocol.Warn, lambda warn: "camera" in warn.text, since_s=begun_s, timeout_s=30.0
+        protocol.Warn, lambda warn: "camera" in warn.text, since_s=begun_s, timeout_s=PATIENCE_S
     )
-    back_s = frames_come(watching, said_s, timeout_s=30.0)
+    back_s = frames_come(watching, said_s, timeout_s=PATIENCE_S)
     note(logs, said_s=round(said_s - begun_s, 1), words=warning.text, back_s=round(back_s - said_s, 1))
     assert watching.shown("ActiveState", "NRestarts") == {"ActiveState": "active", "NRestarts": "0"}
 
@@ -59,10 +59,10 @@ def test_a_device_that_disconnects_comes_back(watching, guest, logs):
     begun_s = time.monotonic()
     guest.run(f"echo vivid.0 > {DRIVER}/unbind")
     said_s, warning = watching.display.wait(
-        protocol.Warn, lambda warn: "camera" in warn.text, since_s=begun_s, timeout_s=30.0
+        protocol.Warn, lambda warn: "camera" in warn.text, since_s=begun_s, timeout_s=PATIENCE_S
     )
     guest.run(f"echo vivid.0 > {DRIVER}/bind && udevadm settle && v4l2-ctl -d /dev/video0 -c timestamp_source=1")
     bound_s = time.monotonic()
-    back_s = frames_come(watching, bound_s, timeout_s=30.0)
+    back_s = frames_come(watching, bound_s, timeout_s=PATIENCE_S)
     note(logs, said_s=round(said_s - begun_s, 1), words=warning.text, back_s=round(back_s - bound_s, 1))
     assert watching.shown("ActiveState", "NRestarts") == {"ActiveState": "active", "NRestarts": "0"}

@@ -3,7 +3,7 @@
 import time
 
 from harness import reel
-from harness.appliance import DISPLAY_URI, note
+from harness.appliance import DISPLAY_URI, PATIENCE_S, note
 
 from dnb_edge.display import protocol
 from dnb_edge.record.reader import read_run
@@ -18,12 +18,12 @@ def test_a_hung_daemon_is_killed_and_started_again(guest, appliance, webcam, log
     webcam.plug(guest)
     appliance.install(reel.configuration(logs / "config", source=f"v4l2:{webcam.node}", display={"uri": DISPLAY_URI}))
     appliance.start()
-    _, told = appliance.display.wait(protocol.Lap, lambda lap: lap.number == 1, since_s=0.0, timeout_s=90.0)
+    _, told = appliance.display.wait(protocol.Lap, lambda lap: lap.lap == 1, since_s=0.0, timeout_s=PATIENCE_S)
     pid = appliance.main_pid()
     guest.run(f"kill -STOP {pid}")
     hung_s = time.monotonic()
-    again_s, _ = appliance.display.wait(protocol.Hello, lambda _: True, since_s=hung_s, timeout_s=120.0)
-    appliance.display.wait(protocol.Lap, lambda _: True, since_s=again_s + 2.0, timeout_s=120.0)
+    again_s, _ = appliance.display.wait(protocol.Hello, lambda _: True, since_s=hung_s, timeout_s=PATIENCE_S)
+    appliance.display.wait(protocol.Lap, lambda _: True, since_s=again_s + 2.0, timeout_s=PATIENCE_S)
     assert appliance.shown("NRestarts") == {"NRestarts": "1"}
     assert appliance.main_pid() != pid
     assert "watchdog" in appliance.journal().lower()
