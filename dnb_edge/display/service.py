@@ -1,22 +1,20 @@
 """The service manager's view of the run: ready, one status line, and the watchdog's food, by systemd's notify socket.
 
 The status line that `systemctl status` shows is a display too. Knows the environment that systemd sets and its binding,
-which is imported only under systemd; knows no threads: whoever watches the others' progress calls `feed`.
+which is imported only under systemd; whoever watches the others' progress calls `feed`, and nobody waits for the manager.
 """
 
 from __future__ import annotations
 
 import importlib
-import logging
 import os
 import time
 from collections.abc import Callable
 from types import ModuleType
 
+from dnb_edge.display.messenger import Messenger
 from dnb_edge.display.state import BoardState
 from dnb_edge.errors import InputError
-
-log = logging.getLogger(__name__)
 
 
 class ServiceNotifier:
@@ -27,7 +25,8 @@ class ServiceNotifier:
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
-        self._daemon = _binding() if os.environ.get("NOTIFY_SOCKET") else None
+        address = os.environ.get("NOTIFY_SOCKET")
+        self._messenger = Messenger(_binding(), address) if address else None
         self._period_s = watchdog_period_s()
         self._fed_s: float | None = None
         self._status: str | None = None
@@ -37,7 +36,7 @@ class ServiceNotifier:
     @property
     def active(self) -> bool:
         """True where a service manager listens."""
-        return self._daemon is not None
+        return self._messenger is not None
 
     @property
     def period_s(self) -> float | None:
@@ -68,6 +67,8 @@ class ServiceNotifier:
         """
         now_s = self._clock_s()
         due = self._fed_s is None or (self._period_s is not None and now_s - self._fed_s >= self._period_s)
+        if self._messenger is not None:
+            self._messenger.flush()
         if not (progressed and due and self._period_s is not None):
             return False
         self._fed_s = now_s
@@ -79,12 +80,8 @@ class ServiceNotifier:
         self._tell("STOPPING=1")
 
     def _tell(self, assignment: str) -> None:
-        if self._daemon is None:
-            return
-        try:
-            self._daemon.notify(assignment)
-        except OSError as error:
-            log.warning("the service manager does not take %s: %s", assignment, error)
+        if self._messenger is not None:
+            self._messenger.tell(assignment)
 
 
 def status_text(state: BoardState) -> str:

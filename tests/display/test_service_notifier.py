@@ -1,5 +1,6 @@
 """What systemd hears, over a real notify socket."""
 
+import importlib
 import os
 import socket
 import sys
@@ -134,6 +135,38 @@ def test_a_manager_that_went_away_is_logged(manager, caplog):
     manager.close()
     notifier.ready()
     assert "READY=1" in caplog.text
+
+
+def test_a_signal_in_between_loses_no_word(manager, monkeypatch):
+    """The binding says that SIGTERM came in between: the word is told again, with no line in the log."""
+    daemon = importlib.import_module("systemd.daemon")
+    real, interruptions = daemon.notify, [InterruptedError(4, "Interrupted system call")] * 2
+
+    def notify(assignment):
+        if interruptions:
+            raise interruptions.pop()
+        real(assignment)
+
+    monkeypatch.setattr(daemon, "notify", notify)
+    ServiceNotifier().stopping()
+    assert manager.heard() == ["STOPPING=1"]
+
+
+def test_a_manager_that_takes_nothing_holds_nobody_up(manager):
+    """Its queue is full, and sending would wait for ever: hundreds of words later READY and STOPPING are still heard."""
+    notifier = ServiceNotifier()
+    for number in range(300):
+        notifier.status(f"lap {number}")
+        if number == 20:
+            notifier.ready()
+    notifier.stopping()
+    heard = []
+    while told := manager.heard():
+        heard += told
+        notifier.feed(progressed=False)
+    assert heard[-1] == "STOPPING=1"
+    assert "READY=1" in heard
+    assert len(heard) < 100
 
 
 @pytest.mark.parametrize(
