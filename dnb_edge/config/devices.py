@@ -5,12 +5,24 @@ Knows each key's type, default and meaning. Knows no driver.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from dnb_edge.config.paths import ConfigPath
 from dnb_edge.config.sections import STRICT, Number, Whole
+
+_SLACK = 1.1
+"""Cameras' rates are rounded: 30 may be 29.97."""
+
+_V4L2_CONTROLS = {
+    "exposure_us": ("exposure_time_absolute", "auto_exposure", "exposure", "exposure_absolute", "exposure_auto"),
+    "gain": ("gain", "analogue_gain"),
+    "white_balance_k": ("white_balance_temperature", "white_balance_automatic", "white_balance_temperature_auto"),
+    "focus": ("focus_absolute", "focus_automatic_continuous", "focus_auto"),
+    "power_line_hz": ("power_line_frequency",),
+}
+"""What each key sets, by the names of kernels new and old."""
 
 
 class CaptureConfig(BaseModel):
@@ -44,6 +56,25 @@ class CaptureConfig(BaseModel):
     """Frequency of the mains that lamps flicker by; none leaves the camera as it is."""
     controls: dict[str, Whole] = {}
     """Any other V4L2 control by its driver's name, such as sharpness; set after those above."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        frame_us = 1e6 / self.fps
+        if isinstance(self.exposure_us, float) and self.exposure_us > frame_us:
+            raise ValueError(
+                f"exposure_us: {self.exposure_us:g} is longer than a frame lasts at {self.fps:g} a second ({frame_us:.0f}): "
+                "lower exposure_us or fps"
+            )
+        if self.row_us * self.height_px > frame_us * _SLACK:
+            raise ValueError(
+                f"row_us: {self.height_px} rows of {self.row_us:g} take longer than a frame lasts at {self.fps:g} a second "
+                f"({frame_us:.0f}): it is the time of one row, not of the picture"
+            )
+        for key, controls in _V4L2_CONTROLS.items():
+            twice = next((name for name in self.controls if name in controls), None)
+            if twice is not None and getattr(self, key) is not None:
+                raise ValueError(f"give {key} or controls.{twice}, not both")
+        return self
 
 
 class RecordConfig(BaseModel):

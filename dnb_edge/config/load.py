@@ -95,6 +95,9 @@ def parse_override(override: str) -> tuple[KeyPath, Any]:
         value = plain(text)
     except yaml.YAMLError as error:
         raise InputError(f"--set {override}: the value is not valid YAML") from error
+    if isinstance(value, dict) and not text.lstrip().startswith("{"):
+        # `sim:` and `a: b` are mappings to YAML and text to whoever writes them on a command line.
+        value = text.strip()
     return path, CommandLineText(value) if isinstance(value, str) else value
 
 

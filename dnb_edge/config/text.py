@@ -32,6 +32,17 @@ ConfigLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
 
+
+def _whole(loader: Any, node: yaml.ScalarNode) -> int:
+    """A whole number of 64 bits: Python cannot even tell one of thousands of digits."""
+    value: int = loader.construct_yaml_int(node)
+    if not abs(value) < 2**63:
+        raise _fault("a whole number of more than 64 bits", node.start_mark)
+    return value
+
+
+ConfigLoader.add_constructor("tag:yaml.org,2002:int", _whole)
+
 KeyPath: TypeAlias = tuple[str | int, ...]
 """A key and those above it; whole numbers are places in a list, from 0."""
 

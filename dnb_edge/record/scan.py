@@ -140,6 +140,7 @@ class LinearReader:
         self.path = path
         self._whole = whole
         self._skip_bad_parts = skip_bad_parts
+        self._data_ended = False
         self.tally = Tally(topics)
         """The messages so far."""
         self.is_mcap = False
@@ -200,6 +201,10 @@ class LinearReader:
         if opcode == Opcode.CHUNK:
             yield from _chunk_records(_parse_chunk(body), self.tally)
             return
+        self._data_ended = self._data_ended or opcode == Opcode.DATA_END
+        if opcode == Opcode.FOOTER and not self._data_ended:
+            # Another record with a changed opcode: what lies behind it is not to be taken for nothing.
+            raise _BadRecord("a footer stands before the end of the data")
         record = _parse(opcode, body)
         if isinstance(record, Attachment):
             _check_attachment(body)

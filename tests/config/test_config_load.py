@@ -122,6 +122,22 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
         ("race:", "race: [", "not valid YAML"),
         ("name: a car", "name: 2024-13-45\ncolour: red", "line 2: colour: unknown key"),
         ("name: a car", "? [a, b]\n: 1", "line 1: a key must be a word"),
+        (
+            "name: a car",
+            "capture: {fps: 30, exposure_us: 50000}",
+            "line 1: capture.exposure_us: 50000 is longer than a frame lasts at 30 a second (33333): lower exposure_us or fps",
+        ),
+        (
+            "name: a car",
+            "capture: {row_us: 33000}",
+            "line 1: capture.row_us: 720 rows of 33000 take longer than a frame lasts",
+        ),
+        ("name: a car", "capture: {gain: 3, controls: {gain: 4}}", "capture: give gain or controls.gain, not both"),
+        (
+            "name: a car",
+            "capture: {exposure_us: auto, controls: {auto_exposure: 1}}",
+            "capture: give exposure_us or controls.auto_exposure, not both",
+        ),
         ("name: a car", "name: &x [*x]", "nested too deeply, or within itself"),
         ("name: a car", "name: " + "[" * 200_000, "line 1: not valid YAML: nested too deeply"),
         (
@@ -139,6 +155,7 @@ def test_any_key_can_be_set_from_the_command_line(good: Path, override: str, val
             "not valid YAML: more than 100000 values",
         ),
         ("name: a car", "name: " + "x" * 4_000_000, "not valid YAML: longer than 4000000 characters"),
+        ("name: a car", "name: 0x" + "f" * 5000, "line 1: not valid YAML: a whole number of more than 64 bits"),
         ("name: a car", "name: !!int x", "not valid YAML: a value is not what its tag or its form says it is"),
         ("name: a car", "name: !!bool x", "not valid YAML: a value is not what its tag or its form says it is"),
         ("name: a car", "name: !!timestamp x", "not valid YAML: a value is not what its tag or its form says it is"),

@@ -390,6 +390,19 @@ def test_recovery_of_a_truncated_file_keeps_the_original(tmp_path: Path) -> None
     assert recover_file(path).path.name == f"{path.stem}-recovered-2.mcap"
 
 
+def test_a_footer_in_the_middle_costs_no_message(tmp_path: Path) -> None:
+    """A record whose opcode became a footer's ends nothing: what lies behind it is kept with the damaged file, and told."""
+    path = small_run(tmp_path)
+    content = bytearray(path.read_bytes())
+    content[chunk_spans(path)[0][1]] = 0x02
+    part = path.with_name(path.name + ".part")
+    path.unlink()
+    part.write_bytes(content)
+    recovery = recover_file(part)
+    assert (recovery.bad_parts, recovery.original_kept) == (1, True)
+    assert read_run(recovery.path).damage is None
+
+
 def test_recovery_tells_of_a_hole_and_keeps_the_damaged_file(tmp_path: Path) -> None:
     """A `.part` with a damaged chunk in its middle gives everything else, says that something is missing, and is kept."""
     path = small_run(tmp_path)
