@@ -12,7 +12,7 @@ from dnb_edge.display import protocol
 
 @pytest.mark.parametrize(
     ("show", "limit_s", "word"),
-    [(Show.NOTHING, 4.0, "camera"), (Show.SAME, 9.0, "frozen"), (Show.DAMAGED, 9.0, "frames")],
+    [(Show.NOTHING, 4.0, "/dev/v4l"), (Show.SAME, 9.0, "frozen"), (Show.DAMAGED, 4.0, "/dev/v4l")],
     ids=["silent", "same-picture", "damaged"],
 )
 def test_a_camera_that_gives_nothing_new_is_said_and_recovers(guest, appliance, webcam, logs, show, limit_s, word):

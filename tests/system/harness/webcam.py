@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -24,6 +25,11 @@ Pictures = Callable[[tuple[int, int]], Sequence[bytes]]
 
 VENDOR, PRODUCT = 0x1D6B, 0x0102
 MAKER, NAME = "Paddock", "Played camera"
+
+PICTURES_PER_S = 30
+"""Of a cycle, as they were drawn; at another rate of the camera some are left out or shown again."""
+_LATEST = 0.5
+"""Share of an interval by which a frame may be late before the next one is sent in its place."""
 
 _END_OF_HEADER, _ERROR, _END_OF_FRAME = 0x80, 0x40, 0x02
 _HEADER_BYTES = 2
@@ -58,6 +64,7 @@ class Webcam:
         """Whole frames that the host took."""
         self.skipped_frames = 0
         """Frames left out because the host had not taken those before them."""
+        self._begun_s = time.monotonic()
         self._controls = uvc.ControlValues()
         self._probe = self._stream = uvc.Stream()
         self._restarted = threading.Event()
@@ -136,24 +143,26 @@ class Webcam:
         return {_GET_INFO: b"\x03", _GET_LEN: len(granted).to_bytes(2, "little")}.get(request, granted)
 
     def _play(self, pipe: Pipe) -> None:
-        due_s, number, toggle = time.monotonic(), 0, 0
+        number, toggle, held = 0, 0, 0
         while not pipe.closed:
             if pipe.wait(0.2) is None:
                 continue
             stream = self._stream
+            # The car drives on whatever the camera does: frames are due at multiples of the interval since the beginning.
+            due = math.ceil((time.monotonic() - self._begun_s) / stream.interval_s - _LATEST)
             if self._restarted.is_set():
                 self._restarted.clear()
-                due_s, number = time.monotonic(), 0
-            late = int((time.monotonic() - due_s) / stream.interval_s)
-            if late > 0:
-                self.skipped_frames += late
-                number, due_s = number + late, due_s + late * stream.interval_s
-            time.sleep(max(0.0, due_s - time.monotonic()))
+            else:
+                self.skipped_frames += max(0, due - number - 1)
+                due = max(due, number + 1)
+            number = due
+            due_s = number * stream.interval_s
+            time.sleep(max(0.0, self._begun_s + due_s - time.monotonic()))
+            if self.show is not Show.SAME:
+                held = round(due_s * PICTURES_PER_S)
             if self.show is not Show.NOTHING:
                 toggle ^= 1
-                self._send(pipe, self._picture(stream, number), toggle)
-            number += self.show is not Show.SAME
-            due_s += stream.interval_s
+                self._send(pipe, self._picture(stream, held), toggle)
 
     def _send(self, pipe: Pipe, picture: bytes, toggle: int) -> None:
         at, flags = 0, _END_OF_HEADER | toggle | (_ERROR if self.show is Show.DAMAGED else 0)
