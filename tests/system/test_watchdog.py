@@ -9,7 +9,7 @@ from dnb_edge.display import protocol
 from dnb_edge.record.reader import read_run
 from dnb_edge.values import Lap
 
-LIMIT_S = 40.0
+LIMIT_S = 110.0
 """The watchdog's 10 s, 8 s in which a process that is stopped ignores the order to end, and a start on an emulated machine."""
 
 
