@@ -73,7 +73,8 @@ class Display:
                 *lines, rest = (rest + part).split(b"\n")
                 now_s = time.monotonic()
                 with self._changed:
-                    for line in lines:
+                    # An empty line begins each repaint: it ends whatever was cut off before.
+                    for line in filter(bytes.strip, lines):
                         try:
                             self.lines.append((now_s, parse_line(line)))
                         except InputError:
