@@ -104,7 +104,16 @@ def _load_points(path: Path) -> Points:
         array: NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError as error:
         raise InputError(f"{path}: cannot read the keypoints ({error.strerror or error}): check the path") from error
-    except (ValueError, EOFError, TypeError, OverflowError, RecursionError, MemoryError, TokenError) as error:
+    except (
+        ValueError,
+        EOFError,
+        TypeError,
+        OverflowError,
+        RecursionError,
+        MemoryError,
+        SyntaxError,
+        TokenError,
+    ) as error:
         # The head is a Python literal, and NumPy lets out whatever Python says of one that is none.
         raise InputError(f"{path}: not a .npy file of numbers: save the keypoints with numpy.save") from error
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "iuf":

@@ -23,7 +23,7 @@ ODD: tuple[Any, ...] = (
 def deep(rng: random.Random) -> Any:
     """A list or mapping in itself, over and over."""
     tree: Any = 0
-    for _ in range(rng.choice((3, 19, 21, 100))):
+    for _ in range(rng.choice((3, 19, 21, 60))):
         tree = [tree] if rng.random() < 0.5 else {"a": tree}
     return tree
 

@@ -72,12 +72,22 @@ def written(path, content):
     return path
 
 
+def headed(head: bytes) -> bytes:
+    """An array of ten numbers whose head says something else."""
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + bytes(80)
+
+
 @pytest.mark.parametrize(
     ("content", "pattern"),
     [
         (None, "cannot read the keypoints"),
         (b"", r"not a \.npy file"),
         (b"u,v\n1,2\n", r"not a \.npy file"),
+        (headed(b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000, 2), }"), r"not a \.npy file"),
+        (headed(b"{'descr': '<f8', 'fortran_order': False, 'shape': (" + b"(" * 99), r"not a \.npy file"),
+        (headed(b"{'descr': '<f8,,', 'fortran_order': False, 'shape': (5, 2), }"), r"not a \.npy file"),
+        (headed(b"{'descr': ,\n'"), r"not a \.npy file"),
+        (np.arange(4000.0).reshape(-1, 2), "2000 keypoints: 1000 are enough"),
         (TWIN.ravel(), r"keypoints of shape \(14,\): it must be \(n, 2\)"),
         (np.zeros((4, 3)), r"keypoints of shape \(4, 3\)"),
         (np.array([["a", "b"]] * 4), "holds no array of numbers"),
