@@ -13,7 +13,7 @@ import pytest
 
 from dnb_edge.errors import InputError
 
-EACH = 200
+EACH = 160
 """Inputs of each target; another seed than `make fuzz` begins with."""
 SEED = 20261123
 
