@@ -33,9 +33,9 @@ demo: .venv/.demo-installed ## A simulated race: live board, recording and repor
 	$(call say,dnb-edge demo)
 	@$(BIN)/dnb-edge demo $(DEMO_FLAGS)
 
-test: lint ## All checks: lint, then the tests on two cores
+test: lint ## All checks: lint, then the tests on two cores (three at once: some wait for a clock)
 	$(call say,pytest)
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 $(PYTEST_FLAGS)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 3 $(PYTEST_FLAGS)
 
 lint: .venv/.test-installed ## Style, format, types and the direction of imports
 	$(call say,ruff check)

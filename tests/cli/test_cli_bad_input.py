@@ -145,7 +145,7 @@ CASES = {
     "no camera there": Case(words=("--source", "v4l2:/dev/video99"), names=("/dev/video99", "no such camera")),
     "no camera but a device": Case(words=("--source", "v4l2:/dev/null"), names=("/dev/null", "not a capture device")),
     "no camera but a file": Case(words=("--source", "v4l2:demo.yaml"), names=("demo.yaml", "not a capture device")),
-    "camera of another kind": Case(words=("--source", "libcamera:0"), names=("libcamera:0", "v4l2:")),
+    "camera of another kind": Case(words=("--source", "libcamera:none"), names=("libcamera:none", "camera")),
     "unknown kind of source": Case(words=("--source", "rtsp://x"), names=("rtsp://x", "unknown kind")),
     "unknown simulator option": Case(words=("--source", "sim:?speed=9"), names=("sim:?speed=9", "speed")),
     "recording as source missing": Case(words=("--source", "mcap:gone.mcap"), names=("gone.mcap",)),
