@@ -55,8 +55,8 @@ class Result:
         self.most_bytes = max(self.most_bytes, told["most_bytes"])
 
 
-def fuzz(targets: dict[str, int], *, seed: int, jobs: int, corpus: Path) -> dict[str, Result]:
-    """Reads so many inputs of each target, `jobs` at once."""
+def fuzz(targets: dict[str, int], *, seed: int, jobs: int, corpus: Path, progress: bool = False) -> dict[str, Result]:
+    """Reads so many inputs of each target, `jobs` at once. With `progress` it says on stderr how far it is."""
     results = {name: Result() for name in targets}
     parts = [
         (name, first, min(PART, count - first)) for name, count in targets.items() for first in range(0, count, PART)
@@ -72,6 +72,11 @@ def fuzz(targets: dict[str, int], *, seed: int, jobs: int, corpus: Path) -> dict
                 }
             )
             results[name].findings += one.findings
+            if progress:
+                print(
+                    f"{name}: {results[name].inputs} of {targets[name]}, {len(results[name].findings)} findings",
+                    file=sys.stderr,
+                )
     return results
 
 
@@ -205,7 +210,11 @@ def main() -> None:
             again(given.target[0], given.seed, given.only, corpus, given.keep)
             return
         results = fuzz(
-            shares(given.inputs, given.target or list(TARGETS)), seed=given.seed, jobs=given.jobs, corpus=corpus
+            shares(given.inputs, given.target or list(TARGETS)),
+            seed=given.seed,
+            jobs=given.jobs,
+            corpus=corpus,
+            progress=True,
         )
         tell(results)
         sys.exit(1 if any(result.findings for result in results.values()) else 0)
