@@ -18,7 +18,16 @@ from typing import Any
 from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
 from dnb_edge.capture.libcamera_controls import Wish, nominal_fps, taken, to_set
 from dnb_edge.capture.libcamera_pictures import JPEG, MappedBuffer, fault_of, to_bgr
-from dnb_edge.capture.libcamera_setup import bindings, configure, find_camera, refusal, start_manager
+from dnb_edge.capture.libcamera_setup import (
+    bindings,
+    configure,
+    find_camera,
+    is_listed,
+    is_plugged_in,
+    is_settled,
+    refusal,
+    start_manager,
+)
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.v4l2_tally import DAMAGED, OVERTAKEN, STAMP, Tally
 from dnb_edge.errors import TemporaryFault
@@ -163,8 +172,7 @@ class LibcameraSource:
                 )
 
     def _is_gone(self) -> bool:
-        """True once libcamera has dropped the camera; one that was plugged in again is another, even by the same name."""
-        return all(camera is not self._camera for camera in self._manager.cameras)
+        return not is_plugged_in(self._camera) or not is_listed(self._camera, self._manager)
 
     def _finished(self) -> list[Any]:
         """This source's finished requests, in order; the bindings give each back once."""
@@ -193,6 +201,9 @@ class LibcameraSource:
                 if newest is None:
                     raise
         self._tally.publish(given=newest is not None)
+        if newest is None and self._is_gone():
+            # It would take each buffer and give it back cancelled, as fast as it can.
+            raise TemporaryFault(f"{self._uri}: the camera is gone")
         return newest
 
     def _judged(self, request: Any, arrived: Moment) -> _Taken | None:
@@ -243,11 +254,12 @@ class LibcameraSource:
     def _let_go(self) -> None:
         """Stop, and give back all there is, whatever state it is in."""
         try:
-            if self._running:
-                self._camera.stop()
+            if self._running and not self._stop():
+                # What libcamera cannot stop it must keep: the references for queued requests stay with it.
+                self._queued.clear()
+                self._camera = None
         finally:
             self._running = False
-            self._finished()
             for request in self._requests:
                 if request.cookie in self._queued:
                     # For a queued request the bindings hold a reference until it is finished, and those of a camera that
@@ -264,6 +276,21 @@ class LibcameraSource:
             self._camera = self._manager = None
             os.close(self._wake_read)
             os.close(self._wake_write)
+
+    def _stop(self) -> bool:
+        """Stop the camera; False where that is not to be done.
+
+        To stop an unplugged camera that still has buffers makes libcamera 0.4 end the whole process (an assertion), unless it
+        has heard that the camera is gone.
+        """
+        self._finished()
+        if self._queued and not is_plugged_in(self._camera):
+            is_settled(self._manager)
+            if is_listed(self._camera, self._manager):
+                return False
+        self._camera.stop()
+        self._finished()
+        return True
 
 
 def _named(metadata: Any) -> dict[str, Any]:

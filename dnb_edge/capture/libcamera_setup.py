@@ -9,14 +9,19 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import time
 from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from dnb_edge.capture.libcamera_pictures import PICTURE_FORMATS
 from dnb_edge.capture.settings import CaptureSettings
-from dnb_edge.errors import InputError
+from dnb_edge.errors import InputError, WorkError
 
+CHAR_DEVICES = Path("/sys/dev/char")
+NEWS_S = 2.0
+"""How long news of a plug may take; it takes milliseconds."""
 _OWN_NAMES = {"MJPG": "MJPEG", "YUYV": "YUYV"}
 
 
@@ -52,8 +57,40 @@ def start_manager(uri: str, libcamera: ModuleType) -> Any:
         raise InputError(f"{uri}: libcamera does not start ({error})") from error
 
 
+def is_listed(camera: Any, manager: Any) -> bool:
+    """False once libcamera knows that the camera is gone; one that was plugged in again is another, even by the same name."""
+    return any(known is camera for known in manager.cameras)
+
+
+def is_plugged_in(camera: Any) -> bool:
+    """False once the kernel has dropped the camera's devices, of which libcamera hears a moment later, or never."""
+    devices = next((numbers for key, numbers in camera.properties.items() if key.name == "SystemDevices"), ())
+    nodes = [CHAR_DEVICES / f"{os.major(number)}:{os.minor(number)}" for number in devices]
+    return not nodes or any(node.exists() for node in nodes)
+
+
+def is_settled(manager: Any) -> bool:
+    """Waits a moment for libcamera to hear of what was unplugged. False where it does not: it is in the dark for good.
+
+    It hears from udev, by a netlink socket in the machine's own network namespace.
+    """
+    until_s = time.monotonic() + NEWS_S
+    while not all(is_plugged_in(camera) for camera in manager.cameras):
+        if time.monotonic() > until_s:
+            return False
+        time.sleep(0.02)
+    return True
+
+
 def find_camera(uri: str, manager: Any) -> Any:
-    """The camera that `libcamera:0` (by number) or `libcamera:ID` names. Raises `InputError` naming those that there are."""
+    """The camera that `libcamera:0` (by number) or `libcamera:ID` names. Raises `InputError` naming those that there are, and
+    `WorkError` where libcamera has not heard that one was unplugged: then it will not hear of one plugged in, either.
+    """
+    if not is_settled(manager):
+        raise WorkError(
+            f"{uri}: libcamera has not heard that a camera was unplugged, and only a new process finds it again "
+            "(as a service: PrivateNetwork=no and RestrictAddressFamilies=AF_NETLINK let it hear)"
+        )
     wanted = uri.removeprefix("libcamera:")
     cameras = list(manager.cameras)
     for number, camera in enumerate(cameras):

@@ -1,8 +1,9 @@
 """libcamera's Python bindings as of 0.4.0, played for machines without libcamera or without a camera.
 
 Written from what the real ones do over a webcam in a Debian 13 guest: names, errors (RuntimeError with the kernel's words), the
-references that they hold for queued requests, and that a camera that is unplugged never finishes those it has. The buffers are
-real shared memory, the queue's descriptor a real eventfd.
+references that they hold for queued requests, that a camera that is unplugged never finishes those it has, and that libcamera
+ends the process where such a camera is stopped before it has heard of that. The buffers are real shared memory, the queue's
+descriptor a real eventfd.
 """
 
 import ctypes
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from types import SimpleNamespace
 
+DEVICES = (81 << 8,)
 FOUR_CC = {"MJPEG": "MJPG", "RGB888": "RG24", "YUV420": "YU12"}
 
 
@@ -116,9 +118,14 @@ class Configuration:
 class PlayedCamera:
     """One camera. `finish` completes the oldest queued request."""
 
-    def __init__(self, manager, name, *, formats, sizes, controls, plane_sizes, stride, refuse_at):
+    def __init__(self, manager, name, *, formats, sizes, controls, plane_sizes, stride, refuse_at, node):
         self.id = name
-        self.properties = {ControlId("Location", "Integer32"): 2, ControlId("Model", "String"): "Played Camera"}
+        self.properties = {
+            ControlId("Location", "Integer32"): 2,
+            ControlId("Model", "String"): "Played Camera",
+            ControlId("SystemDevices", "Integer64"): () if node is None else DEVICES,
+        }
+        self.node = node
         self.controls = controls
         self._manager, self._formats, self._sizes = manager, formats, sizes
         self._plane_sizes, self._stride, self.refuse_at = plane_sizes, stride, refuse_at
@@ -171,6 +178,10 @@ class PlayedCamera:
 
     def stop(self):
         # A camera that is gone is taken for a stopped one: nothing is cancelled.
+        if self.pulled and not self.gone and self.queued:
+            raise SystemExit(
+                "FATAL default pipeline_handler.cpp: assertion data->queuedRequests_.empty() failed in stop()"
+            )
         if self.running and not self.gone:
             while self.queued:
                 self._manager.complete(self.queued.popleft())
@@ -182,6 +193,11 @@ class PlayedCamera:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(request))
         self.seen_controls.update(request.controls)
         self.queued.append(request)
+        if self.pulled:
+            self.queued.pop()
+            (buffer,) = request.buffers.values()
+            buffer.metadata.status = Status.Cancelled
+            self._manager.complete(request)
 
     def finish(self, *planes, sequence, sensor_ns=None, buffer_ns=0, status=Status.Success, metadata=()):
         """The camera fills the oldest queued buffer; with none queued it has to drop the frame, as real ones do."""
@@ -199,7 +215,18 @@ class PlayedCamera:
             request.metadata[ControlId("SensorTimestamp", "Integer64")] = sensor_ns
         self._manager.complete(request)
 
+    def pull(self):
+        """The plug is pulled, and libcamera has not heard of it yet."""
+        self.node.unlink()
+
+    @property
+    def pulled(self):
+        return self.node is not None and not self.node.exists()
+
     def unplug(self):
+        """The plug is pulled, and libcamera has heard of it."""
+        if self.node is not None and not self.pulled:
+            self.pull()
         self.gone = True
         self._manager.cameras.remove(self)
 
@@ -261,12 +288,13 @@ class PlayedLibcamera:
         plane_sizes=(64 * 48 * 2,),
         stride=0,
         refuse_at=None,
+        node=None,
     ):
-        """One more camera; `controls`: (name, type, least, most) of each."""
+        """One more camera; `controls`: (name, type, least, most) of each; `node`: stands for its device in /sys/dev/char."""
         infos = {ControlId(n, kind): SimpleNamespace(min=low, max=high) for n, kind, low, high in controls}
         camera = PlayedCamera(
             self.manager, name, formats=formats, sizes=sizes, controls=infos, plane_sizes=plane_sizes, stride=stride,
-            refuse_at=refuse_at,
+            refuse_at=refuse_at, node=node,
         )  # fmt: skip
         self.manager.cameras.append(camera)
         return camera

@@ -14,11 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from played_libcamera import Status
 
+from dnb_edge.capture import libcamera_setup
 from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
 from dnb_edge.capture.libcamera_pictures import PICTURE_FORMATS, fault_of, to_bgr
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import open_source
-from dnb_edge.errors import InputError, TemporaryFault
+from dnb_edge.errors import InputError, TemporaryFault, WorkError
 from dnb_edge.values import CameraControl, LostFrames, StampSource
 
 SMALL = CaptureSettings(width_px=64, height_px=48, stall_timeout_s=10.0)
@@ -187,6 +188,59 @@ def test_a_camera_plugged_in_again_is_another(play_libcamera):
     source = open_source("libcamera:played-1", SMALL)
     again.finish(jpeg(), sequence=0, sensor_ns=1)
     assert next(source.frames()).sequence == 0
+    source.close()
+
+
+@pytest.fixture
+def node(tmp_path, monkeypatch):
+    """A camera's device as /sys/dev/char has it, until it is pulled."""
+    monkeypatch.setattr(libcamera_setup, "CHAR_DEVICES", tmp_path)
+    monkeypatch.setattr(libcamera_setup, "NEWS_S", 0.2)
+    device = tmp_path / "81:0"
+    device.touch()
+    return device
+
+
+def test_a_pulled_camera_is_not_stopped_before_libcamera_knows(play_libcamera, node):
+    """libcamera would end the process. It hears of the plug within the moment that we wait, and then all is given back."""
+    camera = play_libcamera.plug(node=node)
+    source = open_source("libcamera:0", SMALL)
+    held = [weakref.ref(request) for request in camera.queued]
+    camera.pull()
+    with pytest.raises(TemporaryFault, match="gone"):
+        next(source.frames())
+    news = threading.Timer(0.05, camera.unplug)
+    news.start()
+    source.close()
+    news.join()
+    camera.queued.clear()
+    gc.collect()
+    assert [request() for request in held] == [None] * 4
+
+
+def test_where_libcamera_hears_of_no_plugs_another_process_is_asked_for(play_libcamera, node):
+    """In a sandbox without netlink it never knows: the camera is left as it is, and the next opening says what to do instead
+    of waiting for a camera that cannot come back."""
+    camera = play_libcamera.plug(node=node)
+    source = open_source("libcamera:0", SMALL)
+    camera.pull()
+    with pytest.raises(TemporaryFault, match="gone"):
+        next(source.frames())
+    source.close()
+    with pytest.raises(WorkError, match=r"libcamera:0: .*new process.*AF_NETLINK"):
+        open_source("libcamera:0", SMALL)
+    assert len(camera.queued) == 4
+
+
+def test_cancelled_buffers_of_a_pulled_camera_do_not_keep_us_busy(play_libcamera, node):
+    """Each buffer that is given to it comes back cancelled at once: it is gone, and not a camera that sends rubbish."""
+    camera = play_libcamera.plug(node=node)
+    source = open_source("libcamera:0", small(stall_timeout_s=60.0))
+    camera.pull()
+    camera.finish(jpeg(), sequence=0, sensor_ns=1, status=Status.Cancelled)
+    with pytest.raises(TemporaryFault, match="gone"):
+        next(source.frames())
+    camera.unplug()
     source.close()
 
 
