@@ -3,6 +3,11 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# How long one example takes says more about what else the machine does than about the code.
+settings.register_profile("dnb-edge", deadline=None)
+settings.load_profile("dnb-edge")
 
 REAL_DIR = Path(__file__).resolve().parents[1].parent / "shared" / "real"
 
