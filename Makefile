@@ -55,7 +55,7 @@ train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see 
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
 
-fuzz: .venv/.test-installed ## 100 000 damaged recordings, configurations, calibrations and model cards (half an hour)
+fuzz: .venv/.test-installed ## 100 000 damaged recordings, configurations, calibrations and model cards (a quarter of an hour)
 	$(call say,tests/fuzz/fuzz.py)
 	@$(BIN)/python tests/fuzz/fuzz.py $(FUZZ_FLAGS)
 
