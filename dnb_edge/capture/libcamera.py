@@ -73,9 +73,10 @@ class LibcameraSource:
             self._camera = find_camera(uri, self._manager)
             self.info = self._start()
         except BaseException as error:
+            camera = self._camera
             self._let_go()
             if isinstance(error, RuntimeError):
-                raise refusal(uri, error) from error
+                raise refusal(uri, error, camera) from error
             raise
 
     @property

@@ -17,6 +17,7 @@ from typing import Any
 
 from dnb_edge.capture.libcamera_pictures import PICTURE_FORMATS
 from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.v4l2_nodes import DEV, busy_words
 from dnb_edge.errors import InputError, WorkError
 
 CHAR_DEVICES = Path("/sys/dev/char")
@@ -64,9 +65,14 @@ def is_listed(camera: Any, manager: Any) -> bool:
 
 def is_plugged_in(camera: Any) -> bool:
     """False once the kernel has dropped the camera's devices, of which libcamera hears a moment later, or never."""
-    devices = next((numbers for key, numbers in camera.properties.items() if key.name == "SystemDevices"), ())
-    nodes = [CHAR_DEVICES / f"{os.major(number)}:{os.minor(number)}" for number in devices]
-    return not nodes or any(node.exists() for node in nodes)
+    devices = _devices(camera)
+    return not devices or any(device.exists() for device in devices)
+
+
+def _devices(camera: Any) -> list[Path]:
+    """The camera's device nodes, as the kernel lists them while they are there."""
+    numbers = next((value for key, value in camera.properties.items() if key.name == "SystemDevices"), ())
+    return [CHAR_DEVICES / f"{os.major(number)}:{os.minor(number)}" for number in numbers]
 
 
 def is_settled(manager: Any) -> bool:
@@ -155,10 +161,13 @@ def choose_pixel_format(uri: str, offered: list[str], asked: str | None) -> str:
     )
 
 
-def refusal(uri: str, error: RuntimeError) -> InputError:
+def refusal(uri: str, error: RuntimeError, camera: Any) -> InputError:
     """What libcamera's error at set-up means to the user. The bindings give the kernel's number as its text only."""
     if os.strerror(errno.EBUSY) in str(error):
-        return InputError(f"{uri}: another program is using the camera: close it")
+        nodes = [DEV / device.resolve().name for device in _devices(camera) if device.exists()]
+        return InputError(
+            f"{uri}: {busy_words(nodes[0]) if nodes else 'another program is using the camera: close it'}"
+        )
     if os.strerror(errno.EACCES) in str(error) or os.strerror(errno.EPERM) in str(error):
         return InputError(
             f"{uri}: no permission: add the user to group video (`sudo usermod -aG video $USER`, log in anew)"

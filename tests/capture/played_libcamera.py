@@ -152,14 +152,15 @@ class PlayedCamera:
     def configure(self, configuration):
         self._refuse("configure", errno.EINVAL)
         configuration.at(0).stride = self._stride
+        self._buffers = configuration.at(0).buffer_count
 
     def create_request(self, cookie):
         return Request(cookie)
 
-    def allocate(self, count):
+    def allocate(self):
         """What FrameBufferAllocator gives."""
         buffers = []
-        for _ in range(count):
+        for _ in range(self._buffers):
             fd = os.memfd_create("buffer")
             self.files.append(fd)
             os.ftruncate(fd, sum(self._plane_sizes))
@@ -276,7 +277,7 @@ class PlayedLibcamera:
         self.buffers = []
 
     def FrameBufferAllocator(self, camera):  # noqa: N802
-        return SimpleNamespace(allocate=lambda _stream: 4, buffers=lambda _stream: camera.allocate(4))
+        return SimpleNamespace(allocate=lambda _stream: None, buffers=lambda _stream: camera.allocate())
 
     def plug(
         self,

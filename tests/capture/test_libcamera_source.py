@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from played_libcamera import Status
 
-from dnb_edge.capture import libcamera_setup
+from dnb_edge.capture import libcamera, libcamera_setup
 from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
 from dnb_edge.capture.libcamera_pictures import PICTURE_FORMATS, fault_of, to_bgr
 from dnb_edge.capture.settings import CaptureSettings
@@ -102,9 +102,11 @@ def test_cameras_that_cannot_do_as_asked_are_refused(play_libcamera, played, set
 
 
 def test_streams_with_the_sensors_stamps_and_the_cameras_numbers(play_libcamera):
-    """JPEG first, its FourCC and the camera's name told, the first row's stamp, a jump in the numbers a gap."""
+    """JPEG first, its FourCC and the camera's name told, the first row's stamp, a jump in the numbers a gap, as many buffers
+    as asked."""
     camera = play_libcamera.plug()
-    source = open_source("libcamera:0", SMALL)
+    source = open_source("libcamera:0", small(buffers=3))
+    assert len(camera.queued) == 3
     info = source.info
     assert (info.camera_id, info.driver, info.pixel_format) == ("played-1", "libcamera v0.4.0: Played Camera", "MJPG")
     assert info.nominal_fps is None
@@ -201,6 +203,21 @@ def node(tmp_path, monkeypatch):
     return device
 
 
+def test_the_program_that_uses_the_camera_is_named(play_libcamera, tmp_path, monkeypatch):
+    """As far as the camera has a device of the kernel's: here one that a process of ours holds open."""
+    monkeypatch.setattr(libcamera_setup, "CHAR_DEVICES", tmp_path)
+    monkeypatch.setattr(libcamera_setup, "DEV", tmp_path)
+    held = tmp_path / "video7"
+    held.touch()
+    node = tmp_path / "81:0"
+    node.symlink_to(held)
+    play_libcamera.plug(node=node, refuse_at="acquire")
+    with held.open() as file, subprocess.Popen(["sleep", "60"], pass_fds=[file.fileno()]) as other:
+        with pytest.raises(InputError, match=rf"another program is using the camera \(sleep, process {other.pid}\)"):
+            open_source("libcamera:0", SMALL)
+        other.kill()
+
+
 def test_a_pulled_camera_is_not_stopped_before_libcamera_knows(play_libcamera, node):
     """libcamera would end the process. It hears of the plug within the moment that we wait, and then all is given back."""
     camera = play_libcamera.plug(node=node)
@@ -256,8 +273,9 @@ def test_a_camera_without_whole_frames_is_a_temporary_fault(play_libcamera, send
     source.close()
 
 
-def test_close_ends_a_blocked_read(play_libcamera):
-    """Another thread may close while `frames` waits; it then ends without an error."""
+def test_close_ends_a_blocked_read(play_libcamera, monkeypatch):
+    """Another thread may close while `frames` waits; it then ends at once and without an error."""
+    monkeypatch.setattr(libcamera, "_LOOK_S", 60.0)
     play_libcamera.plug()
     source = open_source("libcamera:0", small(stall_timeout_s=60.0))
     taken = []
@@ -351,6 +369,7 @@ def test_what_the_camera_really_took_is_told(play_libcamera):
         CameraControl(name="AnalogueGain", asked=2.0, taken=2.02),
         CameraControl(name="ExposureTime", asked=2000, taken=1980),
     )
+    assert len(camera.queued) == 4
     source.close()
 
 
