@@ -210,8 +210,10 @@ class LibcameraSource:
     def _judged(self, request: Any, arrived: Moment) -> _Taken | None:
         """The picture in a finished request with number and stamp; None, counted, where it is not to be used."""
         about, form = request.buffers[self._stream].metadata, self._format
-        number = self._tally.number(int(about.sequence))
         t_ns, stamp_source = stamp_of(_named(request.metadata).get("SensorTimestamp"), about.timestamp, arrived)
+        number = self._tally.number(int(about.sequence), t_ns)
+        if number is None:
+            return None
         planes = self._memory[request.cookie].read([plane.bytes_used for plane in about.planes])
         fault = fault_of(form.name, planes, form.width, form.height, form.stride)
         if about.status != self._libcamera.FrameMetadata.Status.Success:

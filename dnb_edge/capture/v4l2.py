@@ -192,9 +192,11 @@ class V4l2Source:
 
     def _judged(self, buffer: raw.v4l2_buffer, data: bytes, arrived_ns: int) -> _Taken | None:
         """The buffer's picture with number and stamp; None, counted, where it is not to be used."""
-        number = self._tally.number(int(buffer.sequence))
         stamp = buffer.timestamp
         t_ns, stamp_source = stamp_of(buffer.flags, stamp.secs, stamp.usecs, arrived_ns)
+        number = self._tally.number(int(buffer.sequence), t_ns)
+        if number is None:
+            return None
         fault = fault_of(buffer.flags, data, self._format)
         if fault is None and self._last_t_ns is not None and t_ns <= self._last_t_ns:
             fault = STAMP

@@ -15,6 +15,9 @@ DAMAGED, GAP, OVERTAKEN, SHORT, STAMP = "damaged", "gap", "overtaken", "short", 
 BUFFER_ERROR = 0x40
 """V4L2_BUF_FLAG_ERROR: the driver itself says that the picture is damaged."""
 
+MOST_BUFFERS = 32
+"""V4L2's VIDEO_MAX_FRAME: so many buffers at most are under way at a time."""
+
 
 def fault_of(flags: int, data: bytes, form: CameraFormat) -> str | None:
     """Why a buffer is no frame: `damaged` or `short`; None for a whole one."""
@@ -32,6 +35,7 @@ class Tally:
 
     def __init__(self) -> None:
         self._raw: int | None = None
+        self._raw_t_ns = 0
         self._offset = 0
         self._counts: Counter[str] = Counter()
         self._later: Counter[str] = Counter()
@@ -42,16 +46,21 @@ class Tally:
         """What was lost before the latest frame given, by reason; may be read from any thread."""
         return self._lost
 
-    def number(self, sequence: int) -> int:
-        """The frame number of the next buffer, whose driver calls it `sequence`: that, as long as it grows. What it jumps over
-        is a gap. A few drivers leave it at 0, or begin anew: ours then goes on by one.
+    def number(self, sequence: int, t_ns: int) -> int | None:
+        """The frame number of the next buffer, which its driver calls `sequence` and stamps `t_ns`: the driver's, as long as it
+        grows. What it jumps over is a gap. A few drivers leave it at 0, or begin anew: ours then goes on by one.
+
+        None for a buffer that a later one overtook on its way: it is no frame any more, and a gap already. uvcvideo decodes on
+        several processors at once, and then now and then hands two buffers over in the wrong order.
         """
         if self._raw is not None:
-            if sequence <= self._raw:
-                self._offset += self._raw + 1 - sequence
-            else:
+            if sequence > self._raw:
                 self._later[GAP] += sequence - self._raw - 1
-        self._raw = sequence
+            elif self._raw - MOST_BUFFERS < sequence < self._raw and t_ns < self._raw_t_ns:
+                return None
+            else:
+                self._offset += self._raw + 1 - sequence
+        self._raw, self._raw_t_ns = sequence, t_ns
         return sequence + self._offset
 
     def lose(self, reason: str) -> None:

@@ -41,5 +41,5 @@ def test_every_frame_is_given_or_accounted_for(guest, webcam, logs, size_px):
     # The driver counts from 0, and what it loses before the first frame is in the account, too.
     assert told["first"] + told["missing"] == sum(told["lost"].values())
     # At the end a few frames are under way: in the driver's buffers and on the wire.
-    assert sent - told["first"] - told["given"] - told["missing"] <= 8
+    assert 0 <= sent - told["first"] - told["given"] - told["missing"] <= 8
     assert told["nominal_fps"] == pytest.approx(30.0, abs=0.1)
