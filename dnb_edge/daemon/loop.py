@@ -47,6 +47,9 @@ FROZEN_S = 5.0
 """For how long a camera may repeat one picture before it is opened anew; each time in vain doubles that."""
 FROZEN_MOST_S = 60.0
 
+LAST_SYNC_S = 0.5
+"""For how long the last Health waits for the disk to take the last lap."""
+
 log = logging.getLogger(__name__)
 
 
@@ -73,14 +76,18 @@ class Race:
     laps: int = 0
     _last_t_ns: int | None = None
     _told_fault: str | None = None
+    _told_outages: int = 0
     _known_warnings: frozenset[str] = frozenset()
     _pictures: PictureJudge = field(init=False)
     _progress: Progress = field(init=False)
     _frozen_t_ns: int | None = None
     """Since when the picture has been frozen, or was last renewed."""
     _frozen_patience_s: float = FROZEN_S
+    _earlier_laps: int = field(init=False)
+    """Laps that the disk had before this race began: of the one that it goes on with."""
 
     def __post_init__(self) -> None:
+        self._earlier_laps = self.laps
         self._pictures = PictureJudge(live=self.info.live)
         self._progress = Progress(self.notifier, self.recorder)
 
@@ -99,6 +106,8 @@ class Race:
             self._progress.stepped(captured=self.feed.progress)
         for event in self.core.finish():
             self._tell(event)
+        if self.info.live and self.recorder is not None and self.recorder.state == "recording":
+            self.recorder.wait_saved(timeout_s=LAST_SYNC_S)
         self._tell(self._health())
         return RunSummary(
             frames=self.meter.frames,
@@ -131,7 +140,8 @@ class Race:
             self.meter.latency((time.monotonic_ns() - frame.t_ns) * 1e-6)
         for event in events:
             self._tell(event)
-        if self.meter.due or picture_changed or view_changed:
+        failed = self.feed.outages != self._told_outages
+        if self.meter.due or picture_changed or view_changed or failed:
             self._tell(self._health())
 
     def _picture(self, frame: Frame) -> BgrImage | None:
@@ -185,8 +195,8 @@ class Race:
             sink.event(event)
 
     def _health(self) -> Health:
-        self._told_fault = self.feed.fault
-        faults = () if self._told_fault is None else (self._told_fault,)
+        fault = self._camera_fault()
+        faults = () if fault is None else (fault,)
         warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
         unwatched = None if self.drift is None else self.drift.note
         notes = (*self.core.notes(), *(() if unwatched is None else (unwatched,)))
@@ -197,9 +207,17 @@ class Race:
             notes=notes,
             machine=None if self.machine is None else self.machine(),
             queued_frames=self.feed.most_queued() if self.info.live else None,
+            saved_laps=self._saved_laps(),
         )
         self._warn(health.warnings)
         return health
+
+    def _camera_fault(self) -> str | None:
+        """Why no frames come; told once, too, where they come again before anybody could tell."""
+        outages = self.feed.outages
+        failed, self._told_outages = outages != self._told_outages, outages
+        self._told_fault = self.feed.fault
+        return self.feed.last_fault if failed and self._told_fault is None else self._told_fault
 
     def _warn(self, warnings: tuple[str, ...]) -> None:
         """Says each warning once, when it appears; counts in it may grow. A failed recording is the run's error at its end."""
@@ -214,6 +232,12 @@ class Race:
         if not statuses:
             return "none"
         return "offline" if DisplayStatus.OFFLINE in statuses else "online"
+
+    def _saved_laps(self) -> int | None:
+        """None for files too: how far the disk is depends on the machine's speed."""
+        if self.recorder is None or not self.info.live:
+            return None
+        return self._earlier_laps + self.recorder.health().saved_laps
 
     def _recording(self) -> str:
         return "none" if self.recorder is None else self.recorder.state

@@ -68,13 +68,19 @@ class Meter:
     _latencies_ms: list[float] = field(default_factory=list)
     _all_latencies: Spread = field(default_factory=Spread)
     _judge: MachineJudge = field(default_factory=MachineJudge)
-    _lost_told: tuple[LostFrames, ...] = ()
+    _losing: tuple[str, ...] = ()
+    """The warning of frames that are lost, as it last stood."""
+    _losing_t_ns: int = 0
+    """Since when losses are being judged: for a second at least, or a `Health` out of turn would switch the warning off."""
+    _losing_frames: int = 0
+    _losing_lost: tuple[LostFrames, ...] = ()
+    """What had been lost by then."""
 
     def frame(self, frame: Frame) -> None:
         """Counts one frame that is raced, and those that the source lost before it."""
         if self._last is None:
             self.first_t_ns = frame.t_ns if self.first_t_ns is None else self.first_t_ns
-            self._period_t_ns = frame.t_ns
+            self._period_t_ns = self._losing_t_ns = frame.t_ns
         else:
             # After a camera came back its counter starts anew: no gap can be told from it.
             self.dropped_frames += max(0, frame.sequence - self._last.sequence - 1)
@@ -116,16 +122,18 @@ class Meter:
         notes: tuple[str, ...] = (),
         machine: MachineState | None = None,
         queued_frames: int | None = None,
+        saved_laps: int | None = None,
     ) -> Health:
-        """The `Health` now; starts the next period. `machine` and `queued_frames` come with a live source only."""
+        """The `Health` now; starts the next period. `machine` and what stands behind it come with a live source only."""
         t_ns = self._last.t_ns if self._last is not None else 0
         span_ns = t_ns - self._period_t_ns
         latency_ms = statistics.median(self._latencies_ms) if self._latencies_ms else None
         unreadable = (f"{self.unreadable_frames} unreadable pictures",) if self.unreadable_frames else ()
         picture = () if self.picture is None else (REMEDIES[self.picture],)
-        live = () if machine is None else (*self._losing(), *self._judge.warnings(machine))
+        if t_ns - self._losing_t_ns >= PERIOD_NS:
+            self._judge_losses(t_ns)
+        live = () if machine is None else (*self._losing, *self._judge.warnings(machine))
         machine = machine or NOTHING_KNOWN
-        lost = self.lost
         moved = () if self.view_warning is None else (self.view_warning,)
         health = Health(
             t_ns=t_ns,
@@ -147,24 +155,25 @@ class Meter:
             view_moved_m=self.view_moved_m,
             latency_p95_ms=self._all_latencies.percentile(95.0),
             latency_p99_ms=self._all_latencies.percentile(99.0),
-            lost=lost,
+            lost=self.lost,
             queued_frames=queued_frames,
             disk_free_bytes=machine.disk_free_bytes,
             temperature_c=machine.temperature_c,
             throttled=machine.throttled,
             memory_bytes=machine.memory_bytes,
+            saved_laps=saved_laps,
         )
-        self._lost_told = lost
         self._period_t_ns, self._period_frames = t_ns, 0
         self._latencies_ms.clear()
         return health
 
-    def _losing(self) -> tuple[str, ...]:
-        """The warning where too many of the period's frames were lost, with what most of them were lost by."""
-        lost = since(self._lost_told, self.lost)
-        frames = sum(one.frames for one in lost)
-        if frames <= LOST_SHARE * (frames + self._period_frames):
-            return ()
-        worst = max(lost, key=lambda one: one.frames)
-        share = 100.0 * frames / (frames + self._period_frames)
-        return (f"{share:.0f} % of frames lost: {_LOSS_WORDS.get(worst.reason, worst.reason)}",)
+    def _judge_losses(self, t_ns: int) -> None:
+        """Warns where too many of the frames since the last time were lost, with what most of them were lost by."""
+        lost = since(self._losing_lost, self.lost)
+        lost_frames, raced_frames = sum(one.frames for one in lost), self.frames - self._losing_frames
+        self._losing = ()
+        if lost_frames > LOST_SHARE * (lost_frames + raced_frames):
+            worst = max(lost, key=lambda one: one.frames)
+            share = 100.0 * lost_frames / (lost_frames + raced_frames)
+            self._losing = (f"{share:.0f} % of frames lost: {_LOSS_WORDS.get(worst.reason, worst.reason)}",)
+        self._losing_t_ns, self._losing_frames, self._losing_lost = t_ns, self.frames, self.lost

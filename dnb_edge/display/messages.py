@@ -33,6 +33,7 @@ def repaint(state: BoardState) -> list[protocol.Message]:
         *_best(state),
         *_places(state),
         *_live(state),
+        *_saved(state),
         *health_messages(state.health),
         run_message(state),
     ]
@@ -53,7 +54,7 @@ def news(earlier: BoardState, later: BoardState) -> list[protocol.Message]:
         return [*repaint(later), *told, run_message(later)] if told else repaint(later)
     for lap in laps_since(earlier, later):
         told += lap_messages(lap) if lap.car == later.shown.car else [_other_lap(lap)]
-    for part in (_best, _state, _count, _places, _live):
+    for part in (_best, _state, _count, _places, _live, _saved):
         if part(later) != part(earlier):
             told += part(later)
     if later.shown.running is None and earlier.shown.running is not None:
@@ -118,6 +119,13 @@ def _live(state: BoardState) -> list[protocol.Message]:
     if running is None:
         return []
     return [protocol_race.Live(delta_s=running.delta_s, similarity_percent=running.similarity_percent)]
+
+
+def _saved(state: BoardState) -> list[protocol.Message]:
+    """How many laps are on a disk; nothing where none is recorded."""
+    if state.health is None or state.health.saved_laps is None:
+        return []
+    return [protocol.Saved(laps=state.health.saved_laps)]
 
 
 def _other_lap(lap: values.Lap) -> protocol.Message:

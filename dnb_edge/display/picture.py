@@ -69,7 +69,7 @@ class _Board:
             Group(_headline(state), Text(), _table(state, rows), Text(), _health(state)),
             title=_title(state),
             title_align="left",
-            subtitle="dnb-edge",
+            subtitle=f"dnb-edge{_saved(state)}",
             subtitle_align="right",
             border_style=_flash_style(state) if state.flashing else "blue",
             box=box.HEAVY if state.flashing else box.ROUNDED,
@@ -152,6 +152,12 @@ def _title(state: BoardState) -> Text:
     if state.health is not None and state.health.view_moved_m is not None:
         title.append("CAMERA MOVED ", style="bold red")
     return title
+
+
+def _saved(state: BoardState) -> str:
+    """How many laps, of all cars, are on a disk; nothing where none is recorded."""
+    saved = None if state.health is None else state.health.saved_laps
+    return "" if saved is None else f", {saved} {'lap' if saved == 1 else 'laps'} saved"
 
 
 def _headline(state: BoardState) -> RenderableType:

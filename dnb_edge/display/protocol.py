@@ -215,6 +215,23 @@ class Best:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Saved:
+    """How many laps of the race, of all cars, are safe on a disk."""
+
+    PATTERN: ClassVar = re.compile(rf"SAVED {INT}")
+    laps: int
+
+    def body(self) -> str:
+        """`SAVED 2`."""
+        return f"SAVED {self.laps}"
+
+    @classmethod
+    def read(cls, found: re.Match[str]) -> Self:
+        """The message of a match."""
+        return cls(laps=int(found[1]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
     """How the appliance is doing."""
 
@@ -270,6 +287,7 @@ MESSAGES: tuple[type[Message], ...] = (
     CarLap,
     Place,
     Live,
+    Saved,
     Health,
     Warn,
 )

@@ -71,6 +71,9 @@ class Health:
     """Whether heat or a weak supply slows the processor down; None where the machine does not tell."""
     memory_bytes: int | None = None
     """Resident memory of the appliance; None for sources that are not live."""
+    saved_laps: int | None = None
+    """Laps of the race, of all cars, that a disk has acknowledged; None without a recording, and for sources that are not
+    live."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

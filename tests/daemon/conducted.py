@@ -160,8 +160,9 @@ def race_live(
     displays: Sequence[Display] = (),
     recorder: Recorder | None = None,
     reopen: Callable[[], FrameSource] = never,
+    earlier_laps: int = 0,
 ) -> Diary:
-    """Races the camera to its end; what was told."""
+    """Races the camera to its end; what was told. `earlier_laps`: of the race that it goes on with."""
     diary = Diary()
     with FrameFeed(source, reopen) as feed:
         Race(
@@ -175,6 +176,7 @@ def race_live(
             notifier=ServiceNotifier(),
             recorder=recorder,
             stop=threading.Event(),
+            laps=earlier_laps,
         ).run()
     return diary
 

@@ -25,7 +25,7 @@ from dnb_edge.record import durable
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.sim.rig import Rig
-from dnb_edge.values import Lap, LostFrames
+from dnb_edge.values import Health, Lap, LostFrames
 
 MEANWHILE = 15
 """Frames that come in half a second."""
@@ -99,6 +99,23 @@ def test_a_disk_that_hangs_moves_no_lap(
     assert not saved
     assert times(diary.laps) == times(undisturbed)
     assert diary.healths[-1].lost == ()
+    assert {health.saved_laps for health in diary.healths} == {0}
+
+
+def test_saved_laps_are_those_that_the_disk_has(rig: Rig, setup: CoreSetup, tmp_path: Path) -> None:
+    """Health never counts a lap that was not told yet, and all at the end; one of the race that this one goes on with too."""
+    recorder = Recorder(RecordingSettings(directory=tmp_path, image_fps=None), header(rig, setup))
+    truth = Truth(rig)
+    diary = race_live(
+        setup, Conducted(rig, truth), truth, sinks=[RecordSink(recorder)], recorder=recorder, earlier_laps=1
+    )
+    recorder.close()
+    told = 1
+    for event in diary.events:
+        told += isinstance(event, Lap)
+        if isinstance(event, Health):
+            assert event.saved_laps in range(1, told + 1)
+    assert diary.healths[-1].saved_laps == 1 + len(diary.laps) == 3
 
 
 def header(rig: Rig, setup: CoreSetup) -> RunHeader:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from played import Camera, Clip, Panel, Watcher, frame, info, scene, wait_until
+from played import PATIENCE_S, Camera, Clip, Panel, Watcher, frame, info, scene, wait_until
 
 from dnb_edge.assembly import assemble
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault
@@ -184,6 +184,42 @@ def test_a_lost_camera_is_told_and_the_run_goes_on(
     assert warned(caplog).count(*gone) == 1
 
 
+def test_a_camera_that_is_back_at_once_is_told_all_the_same(
+    track: Track,
+    in_background: list[threading.Thread],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A stream that fails and is opened again while the race is still at an earlier frame is in one Health and in the log."""
+    monkeypatch.setattr(feed_module, "BACK_OFF_S", (0.001,))
+    camera, back = Camera(), Camera()
+    detecting, again = threading.Event(), threading.Event()
+
+    class Slow(Watcher):
+        def detect(self, image, *, sequence, t_ns, windows):
+            detecting.set()
+            assert again.wait(PATIENCE_S)
+            return super().detect(image, sequence=sequence, t_ns=t_ns, windows=windows)
+
+    with FrameFeed(camera, lambda: back) as feed:
+        race = track.race(feed, Slow(), live=True)
+        thread = threading.Thread(target=race.run)
+        in_background.append(thread)
+        thread.start()
+        camera.shoot(frame(0))
+        assert detecting.wait(PATIENCE_S)
+        camera.unplug()
+        back.shoot(frame(0, t_ns=100_000_000), frame(1, t_ns=200_000_000))
+        wait_until(lambda: feed.fault is None and feed.most_queued() == 2)
+        again.set()
+        wait_until(lambda: race.meter.frames == 3)
+        track.stop.set()
+        thread.join()
+    gone = "/dev/video7: the camera went away"
+    assert [health.warnings for health in track.diary.healths] == [(gone,), ()]
+    assert warned(caplog) == [gone]
+
+
 def test_unreadable_pictures_are_counted_and_told_once(track: Track, caplog: pytest.LogCaptureFixture) -> None:
     """A JPEG that cannot be decoded is no frame of the race; the growing count is in Health, one line on stderr."""
     frames = [frame(i, jpeg=b"\xff\xd8 torn" if i % 10 == 5 else None) for i in range(310)]
@@ -234,7 +270,7 @@ def test_every_frame_that_is_missing_is_told_with_its_reason(track: Track) -> No
     last = track.diary.healths[-1]
     assert [(one.reason, one.frames) for one in last.lost] == [("gap", 2), ("stamp", 1), ("unreadable", 1)]
     assert last.dropped_frames == 4
-    assert (last.queued_frames, last.memory_bytes, last.latency_p95_ms) == (None, None, None)
+    assert (last.queued_frames, last.memory_bytes, last.latency_p95_ms, last.saved_laps) == (None, None, None, None)
 
 
 def test_a_camera_that_repeats_its_picture_is_opened_anew(

@@ -50,7 +50,7 @@ def target(t_s, state=values.TargetState.CONFIRMED):
     )
 
 
-def health(t_s=3.0, *, warnings=(), notes=(), display="online", view_moved_m=None):
+def health(t_s=3.0, *, warnings=(), notes=(), display="online", view_moved_m=None, saved_laps=None):
     return values.Health(
         t_ns=round(t_s * 1e9),
         t_s=t_s,
@@ -66,6 +66,7 @@ def health(t_s=3.0, *, warnings=(), notes=(), display="online", view_moved_m=Non
         warnings=warnings,
         notes=notes,
         view_moved_m=view_moved_m,
+        saved_laps=saved_laps,
     )
 
 

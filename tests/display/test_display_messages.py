@@ -66,9 +66,18 @@ def test_warnings_come_and_go():
     assert bodies(messages.news(dark, calm))[:1] == ["HEALTH FPS 29.9 REC RECORDING WARNINGS 0"]
 
 
+def test_saved_laps_are_told_when_their_number_changes():
+    """A line of its own, which older displays pass over, once the disk has another lap; none without a recording."""
+    none, one, two = (race(2).after(health(20.0, saved_laps=count)) for count in (None, 1, 2))
+    assert bodies(messages.news(one, two))[:-1] == ["SAVED 2"]
+    assert len(messages.news(two, two)) == 1
+    assert "SAVED 2" in bodies(messages.repaint(two))
+    assert not [line for line in bodies(messages.repaint(none)) if line.startswith("SAVED")]
+
+
 def test_the_longest_repaint_fits_into_the_write_timeout():
     """At 115200 baud, ten bits a byte, even the fullest board passes a wire without buffers before it counts as stuck."""
-    state = race(0).after(health(warnings=("w" * 99,) * 9))
+    state = race(0).after(health(warnings=("w" * 99,) * 9, saved_laps=999_999))
     for number in range(1, LAPS_KEPT):
         state = state.after(lap(number, valid=False, reasons=("r" * 99,) * 9, suspect=("s" * 99,) * 9))
     size = sum(len(protocol.encode_line(message)) for message in messages.repaint(state))

@@ -31,6 +31,7 @@ message = st.one_of(
     st.builds(protocol.Suspect, lap=number, text=short_text),
     st.builds(protocol.Best, lap=number, time_s=seconds),
     st.builds(protocol.Health, fps=tenths, recording=st.sampled_from(["NONE", "RECORDING", "FAILED"]), warnings=number),
+    st.builds(protocol.Saved, laps=number),
     st.builds(protocol.Warn, number=number, text=short_text),
 )
 

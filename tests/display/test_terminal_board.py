@@ -58,6 +58,14 @@ def test_picture_tells_all():
 
 
 @pytest.mark.parametrize(
+    ("saved", "words"), [(None, " dnb-edge "), (0, "dnb-edge, 0 laps saved"), (1, "dnb-edge, 1 lap saved")]
+)
+def test_picture_tells_what_is_saved(saved, words):
+    """The board's lower edge says how many laps are on a disk, and nothing of it where none is recorded."""
+    assert words in render(race(1).after(health(22.0, saved_laps=saved)))[-1]
+
+
+@pytest.mark.parametrize(
     ("state", "text"),
     [
         (board(target(1.0)), "--.-"),
