@@ -48,6 +48,10 @@ class FrameFeed:
         self._ended = False
         self._failure: BaseException | None = None
         self._fault: str | None = None
+        self.outages = 0
+        """How often a live source has failed so far; may be read from any thread."""
+        self.last_fault: str | None = None
+        """Why it failed last, in one line; stays when it is back."""
         self._sequence = last_sequence
         self._renumber_by: int | None = 0 if last_sequence is None else None
         """What is added to the source's numbers; None until the first frame of a source that came back."""
@@ -149,7 +153,8 @@ class FrameFeed:
         except (TemporaryFault, OSError) as fault:
             if not self._source.info.live:
                 raise
-            self._fault = _words(fault)
+            self._fault = self.last_fault = _words(fault)
+            self.outages += 1
             return self._bring_back()
         return False
 
