@@ -28,7 +28,7 @@ from dnb_edge.capture.libcamera_setup import (
     refusal,
     start_manager,
 )
-from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.settings import CaptureSettings, changed_rate
 from dnb_edge.capture.v4l2_tally import DAMAGED, OVERTAKEN, STAMP, Tally
 from dnb_edge.errors import TemporaryFault
 from dnb_edge.values import Clock, Frame, LostFrames, SourceInfo, StampSource
@@ -134,17 +134,18 @@ class LibcameraSource:
         for request in self._requests:
             self._queue(request)
         model = next((text for key, text in camera.properties.items() if key.name == "Model"), "camera")
+        rate_fps = nominal_fps(self._settings, camera.controls)
         return SourceInfo(
             uri=self._uri,
             width_px=self._format.width,
             height_px=self._format.height,
-            nominal_fps=nominal_fps(self._settings, camera.controls),
+            nominal_fps=rate_fps,
             clock=Clock.MONOTONIC,
             live=True,
             camera_id=camera.id,
             driver=f"libcamera {self._libcamera.CameraManager.version}: {model}",
             pixel_format=self._format.four_cc,
-            controls=self._taken(asked),
+            controls=(*self._taken(asked), *changed_rate(self._settings.fps, rate_fps)),
         )
 
     def _taken(self, asked: dict[str, Wish]) -> Any:

@@ -40,10 +40,26 @@ class CaptureSettings:
     """A camera that gives no whole frame for so long counts as gone."""
 
 
+RATE_SHARE = 0.01
+"""A rate counts as the one asked for within this share: many cameras call 29.97 what they sell as 30."""
+
+
+def changed_rate(asked_fps: float, granted_fps: float | None) -> tuple[CameraControl, ...]:
+    """The frame rate as one more control, where the driver claims another one than it was asked for; else nothing."""
+    if granted_fps is None or abs(granted_fps - asked_fps) <= RATE_SHARE * asked_fps:
+        return ()
+    return (CameraControl(name="frame rate", asked=asked_fps, taken=granted_fps),)
+
+
 def changed_controls(controls: Iterable[CameraControl]) -> tuple[str, ...]:
     """In words, a line each: the controls that the camera took otherwise than asked."""
     return tuple(
-        f"camera: {control.name} is {control.taken}, not {control.asked} as asked"
+        f"camera: {control.name} is {_number(control.taken)}, not {_number(control.asked)} as asked"
         for control in controls
         if control.taken is not None and control.taken != control.asked
     )
+
+
+def _number(value: float) -> str:
+    """V4L2's are whole numbers, which keep all their digits."""
+    return f"{value:.6g}" if isinstance(value, float) else f"{value}"

@@ -21,7 +21,7 @@ import numpy as np
 from linuxpy.video import device as linux
 from linuxpy.video import raw
 
-from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.settings import CaptureSettings, changed_rate
 from dnb_edge.capture.v4l2_controls import apply, read_controls, taken, wishes
 from dnb_edge.capture.v4l2_nodes import camera_id
 from dnb_edge.capture.v4l2_setup import agree, open_device, refusal
@@ -90,7 +90,7 @@ class V4l2Source:
                 driver=f"{self._device.info.driver}: {self._device.info.card}",
                 pixel_format=self._format.pixel_format,
                 # Read once the stream runs: some cameras begin it with values of their own.
-                controls=taken(self._device, wanted),
+                controls=(*taken(self._device, wanted), *changed_rate(settings.fps, self._format.fps)),
             )
         except OSError as error:
             self._let_go()

@@ -14,12 +14,11 @@ from pathlib import Path
 from linuxpy.video import device as linux
 from linuxpy.video import raw
 
+from dnb_edge.capture.settings import RATE_SHARE
 from dnb_edge.errors import InputError
 
 JPEG_FORMATS = ("MJPG", "JPEG")
 _PREFERRED = (*JPEG_FORMATS, "YUYV")
-_NEAR = 0.01
-"""A rate counts as the one asked for within this share: many cameras call 29.97 what they sell as 30."""
 _KIND = linux.BufferType.VIDEO_CAPTURE
 _MOST_WORDS = 12
 
@@ -35,8 +34,8 @@ class Rates:
         """Whether `fps` is one of them; True where nothing is known against it."""
         if self.between is not None:
             slowest, fastest = self.between
-            return float(slowest) * (1.0 - _NEAR) <= fps <= float(fastest) * (1.0 + _NEAR)
-        return not self.listed or any(abs(fps - float(rate)) <= _NEAR * float(rate) for rate in self.listed)
+            return float(slowest) * (1.0 - RATE_SHARE) <= fps <= float(fastest) * (1.0 + RATE_SHARE)
+        return not self.listed or any(abs(fps - float(rate)) <= RATE_SHARE * float(rate) for rate in self.listed)
 
     def words(self) -> str:
         """Such as `30, 15 fps`; empty where nothing is known."""

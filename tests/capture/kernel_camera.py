@@ -76,9 +76,11 @@ class KernelCamera:
         controls=(),
         sizes=None,
         grants=None,
+        keeps_fps=None,
     ):
         """`sizes`: {FourCC: [((width, height), [fps, ...]) or ((least), (most), (step), (slowest, fastest) fps)]}; None for a
-        driver that does not tell. `grants`: how many buffers it gives at most. `rates` False: it knows none."""
+        driver that does not tell. `grants`: how many buffers it gives at most. `rates` False: it knows none. `keeps_fps`:
+        frames and seconds of the rate that it keeps, whatever it is asked."""
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.path = Path(os.ttyname(slave))
@@ -86,7 +88,8 @@ class KernelCamera:
         self.formats, self.size, self.caps, self.busy_at, self.rates = formats, size, caps, busy_at, rates
         self.controls = {control.ident: control for control in controls}
         self.sizes, self.grants = sizes, grants
-        self.fps = (30, 1)
+        self.fps = (30, 1) if keeps_fps is None else keeps_fps
+        self.keeps_fps = keeps_fps
         self.granted = formats[0] if formats else "YUYV"
         self.buffers: list[mmap.mmap] = []
         self.queued: deque[int] = deque()
@@ -192,7 +195,8 @@ class KernelCamera:
         if not self.rates:
             raise OSError(errno.ENOTTY, "no rates")
         asked = parm.parm.capture.timeperframe
-        self.fps = asked.denominator, asked.numerator
+        if self.keeps_fps is None:
+            self.fps = asked.denominator, asked.numerator
 
     def _g_parm(self, fd, parm):
         granted = parm.parm.capture.timeperframe

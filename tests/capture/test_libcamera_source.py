@@ -17,7 +17,7 @@ from played_libcamera import Status
 from dnb_edge.capture import libcamera, libcamera_setup
 from dnb_edge.capture.libcamera_clock import Moment, now, stamp_of
 from dnb_edge.capture.libcamera_pictures import PICTURE_FORMATS, fault_of, to_bgr
-from dnb_edge.capture.settings import CaptureSettings
+from dnb_edge.capture.settings import CaptureSettings, changed_controls
 from dnb_edge.capture.source import open_source
 from dnb_edge.errors import InputError, TemporaryFault, WorkError
 from dnb_edge.values import CameraControl, LostFrames, StampSource
@@ -343,11 +343,14 @@ def test_choices_become_controls(play_libcamera, asked, has, set_to):
 
 @pytest.mark.parametrize(("fps", "limit_us"), [(100.0, 16_666), (2.0, 120_000)])
 def test_the_rate_is_the_nearest_that_the_camera_has(play_libcamera, fps, limit_us):
-    """And it is told as the nominal one."""
+    """And it is told as the nominal one, and as what was changed."""
     camera = play_libcamera.plug(controls=CONTROLS)
     source = open_source("libcamera:0", small(fps=fps))
     assert camera.started_with == {"FrameDurationLimits": (limit_us, limit_us)}
     assert source.info.nominal_fps == pytest.approx(1e6 / limit_us)
+    assert changed_controls(source.info.controls) == (
+        f"camera: frame rate is {1e6 / limit_us:.6g}, not {fps:g} as asked",
+    )
     source.close()
 
 

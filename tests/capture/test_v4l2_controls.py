@@ -192,9 +192,31 @@ def test_what_was_changed_is_told_in_words():
         CameraControl(name="gain", asked=3, taken=3),
         CameraControl(name="focus_absolute", asked=3, taken=None),
         CameraControl(name="exposure_time_absolute", asked=41, taken=40),
+        CameraControl(name="pixel_clock", asked=148_500_000, taken=148_499_999),
     ]
-    assert changed_controls(controls) == ("camera: exposure_time_absolute is 40, not 41 as asked",)
+    assert changed_controls(controls) == (
+        "camera: exposure_time_absolute is 40, not 41 as asked",
+        "camera: pixel_clock is 148499999, not 148500000 as asked",
+    )
     assert changed_controls([]) == ()
+
+
+@pytest.mark.parametrize(
+    ("keeps_fps", "warnings"),
+    [
+        ((30, 1), ()),
+        ((30_000, 1001), ()),
+        ((15, 1), ("camera: frame rate is 15, not 30 as asked",)),
+        ((59_940, 1000), ("camera: frame rate is 59.94, not 30 as asked",)),
+    ],
+)
+def test_a_rate_that_is_not_as_asked_is_told(play_camera, keeps_fps, warnings):
+    """A driver that grants another rate than it offered is told of like a control taken otherwise; 29.97 counts as 30."""
+    camera = play_camera(keeps_fps=keeps_fps)
+    source = open_source(f"v4l2:{camera.path}", CaptureSettings(**SIZE, fps=30.0))
+    source.close()
+    assert source.info.nominal_fps == pytest.approx(keeps_fps[0] / keeps_fps[1])
+    assert changed_controls(source.info.controls) == warnings
 
 
 def test_unplugged_while_it_is_set_up(play_camera):
