@@ -19,8 +19,9 @@ from pydantic import BaseModel
 from dnb_edge import wire
 from dnb_edge.capture.recording import RecordingSource
 from dnb_edge.capture.settings import CaptureSettings
-from dnb_edge.capture.source import FrameSource, open_source
+from dnb_edge.capture.source import FrameSource, check_uri, open_source
 from dnb_edge.config.calibration_file import load_calibration
+from dnb_edge.config.devices import CaptureConfig
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.paths import names_a_file
 from dnb_edge.config.rules import load_rule_set
@@ -262,6 +263,16 @@ def detector_of(wanted: DetectorConfig, lean: LeanField | None = None) -> Detect
     _without_box_settings(wanted)
     path = wanted.model if wanted.model is not None else default_model_path()
     return CentreDetector(load_model(path, threads=wanted.threads), lean=lean)
+
+
+def check_source(wanted: CaptureConfig) -> None:
+    """Raises `InputError` where the source's URI is none, as far as that shows without looking for the device or file."""
+    if wanted.source is None:
+        return
+    try:
+        check_uri(wanted.source)
+    except InputError as error:
+        raise InputError(f"capture.source: {error}") from error
 
 
 def check_detector(wanted: DetectorConfig) -> None:

@@ -43,6 +43,21 @@ class FrameSource(Protocol):
         """Give the medium back. Safe to repeat and to call from another thread; a blocked `frames` then ends."""
 
 
+_NAMING_SCHEMES = ("v4l2", "libcamera", "file", "mcap")
+"""Those behind whose colon a device or file is named."""
+
+
+def check_uri(uri: str) -> None:
+    """Raises `InputError` where `uri` names no source, as far as that shows without looking for the device or file."""
+    scheme, colon, rest = uri.partition(":")
+    if scheme == "sim" and colon:
+        parse_simulator_uri(uri)
+    elif scheme not in _NAMING_SCHEMES:
+        raise InputError(f"{uri or 'source'}: unknown kind of source: write one of {', '.join(KNOWN_SCHEMES)}")
+    elif not rest:
+        raise InputError(f"{uri}: names no device or file: write one of {', '.join(KNOWN_SCHEMES)}")
+
+
 def open_source(
     uri: str,
     settings: CaptureSettings | None = None,
@@ -53,11 +68,10 @@ def open_source(
 
     Raises `InputError` for an unknown scheme and for a device or file that cannot be used.
     """
-    scheme, colon, rest = uri.partition(":")
-    if scheme == "sim" and colon:
+    check_uri(uri)
+    scheme, _, rest = uri.partition(":")
+    if scheme == "sim":
         return SimulatedSource(uri, parse_simulator_uri(uri))
-    if scheme in ("v4l2", "libcamera", "file", "mcap") and not rest:
-        raise InputError(f"{uri or 'source'}: names no device or file: write one of {', '.join(KNOWN_SCHEMES)}")
     path = Path(rest).expanduser()
     if scheme == "file":
         return VideoSource(uri, path)
@@ -67,6 +81,4 @@ def open_source(
         return open_recording(uri, path)
     if scheme == "mcap":
         raise InputError(f"{uri}: recordings cannot be opened as a source here")
-    if scheme == "libcamera":
-        return LibcameraSource(uri, settings if settings is not None else CaptureSettings())
-    raise InputError(f"{uri or 'source'}: unknown kind of source: write one of {', '.join(KNOWN_SCHEMES)}")
+    return LibcameraSource(uri, settings if settings is not None else CaptureSettings())

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 import yaml
 
-from dnb_edge.assembly import check_detector, plain_config
+from dnb_edge.assembly import check_detector, check_source, plain_config
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
 from dnb_edge.config.rules import PRESETS, load_rule_set
@@ -30,7 +30,9 @@ def show(file: File, overrides: Override = None) -> None:
 @app.command()
 def check(file: File, overrides: Override = None) -> None:
     """Say whether the file is right; exit code 2 where it is not. The files that it names are looked at when a run begins."""
-    check_detector(load_config(file, overrides or []).detector)
+    config = load_config(file, overrides or [])
+    check_source(config.capture)
+    check_detector(config.detector)
     typer.echo(f"{file}: right")
 
 

@@ -168,6 +168,31 @@ def test_bad_input_is_one_line_and_leaves_nothing(config: Path, case: Case) -> N
     assert {path: path.read_bytes() for path in track.rglob("*")} == before
 
 
+@pytest.mark.parametrize(
+    ("uri", "names"),
+    [
+        ("bogus:0", ("unknown kind of source", "v4l2:/dev/video0", "libcamera:0", "file:", "mcap:", "sim:")),
+        ("/dev/video0", ("unknown kind of source", "v4l2:/dev/video0")),
+        ("v4l2:", ("names no device or file", "v4l2:/dev/video0")),
+        ("sim:?speed=9", ("speed",)),
+    ],
+)
+def test_a_check_refuses_what_is_no_source(config: Path, uri: str, names: tuple[str, ...]) -> None:
+    """Code 2 and one line with the key, the value and the kinds that there are, before anybody starts the race."""
+    ran = edge("config", "check", config, "--set", f"capture.source={uri}")
+    line = ran.complaint()
+    assert (ran.code, ran.out) == (2, ""), line
+    assert line.startswith(f"dnb-edge: capture.source: {uri}: "), line
+    assert all(name in line for name in names), line
+
+
+@pytest.mark.parametrize("uri", ["v4l2:/dev/video99", "libcamera:0", "file:gone.mp4", "mcap:gone.mcap", "sim:"])
+def test_a_check_looks_for_no_device(config: Path, uri: str) -> None:
+    """What is right is right before the camera is plugged in."""
+    ran = edge("config", "check", config, "--set", f"capture.source={uri}")
+    assert (ran.code, ran.err) == (0, "")
+
+
 def test_the_line_of_a_mistake_is_the_right_one(config: Path) -> None:
     """The line number is the key's own, not its section's."""
     lines = config.read_text().splitlines()
