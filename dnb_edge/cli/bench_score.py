@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from dnb_edge.archive.replayed import replay
 from dnb_edge.assembly import assemble, make_header, make_scene
 from dnb_edge.capture.simulated import SimulatedSource, SimulatorOptions
-from dnb_edge.cli.replayed import replay
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core
 from dnb_edge.record.channels import DETECTIONS_TOPIC

@@ -15,8 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from dnb_edge import wire
-from dnb_edge.cli.judge_case import Case, Judge, decide, lap_words, login_name, open_case, say_warnings
-from dnb_edge.cli.replayed import edit_warning
+from dnb_edge.archive.case import Case, Judge, open_case
+from dnb_edge.archive.replayed import edit_warning
+from dnb_edge.cli.judge_case import lap_words, login_name, say_decision, say_warnings
 from dnb_edge.errors import InputError
 from dnb_edge.race.crossing import lap_sigma_s
 from dnb_edge.race.edit import JUDGE, Action, AddedLap, LapKey
@@ -84,7 +85,7 @@ def add(
 
     Its similarity is computed from what was seen of the car in that time.
     """
-    decide(run, _judge(by, because, dry_run), lambda case: _added(case, start, end, car))
+    say_decision(run, _judge(by, because), lambda case: _added(case, start, end, car), dry_run=dry_run)
 
 
 @app.command()
@@ -93,7 +94,9 @@ def remove(run: Run, *, lap: Lap, because: Because, by: By = None, car: Car = 1,
 
     dnb-edge judge remove RUN --lap 3 --because "the car was carried"
     """
-    decide(run, _judge(by, because, dry_run), lambda case: {"action": Action.REMOVE, "laps": (case.lap(lap, car),)})
+    say_decision(
+        run, _judge(by, because), lambda case: {"action": Action.REMOVE, "laps": (case.lap(lap, car),)}, dry_run=dry_run
+    )
 
 
 @app.command()
@@ -104,7 +107,7 @@ def merge(run: Run, *, lap: Lap, because: Because, by: By = None, car: Car = 1, 
         first = case.lap(lap, car)
         return {"action": Action.MERGE, "laps": (first, case.after(first))}
 
-    decide(run, _judge(by, because, dry_run), what)
+    say_decision(run, _judge(by, because), what, dry_run=dry_run)
 
 
 @app.command()
@@ -138,7 +141,7 @@ def penalty(
     def what(case: Case) -> dict[str, Any]:
         return {"action": Action.PENALTY, "laps": (case.lap(lap, car),), "penalty": given}
 
-    decide(run, _judge(by, because, dry_run), what)
+    say_decision(run, _judge(by, because), what, dry_run=dry_run)
 
 
 @app.command()
@@ -163,7 +166,7 @@ def forgive(
         kind = None if offence is None else offence.value
         return {"action": Action.FORGIVE, "laps": (case.lap(lap, car),), "offence": kind}
 
-    decide(run, _judge(by, because, dry_run), what)
+    say_decision(run, _judge(by, because), what, dry_run=dry_run)
 
 
 @app.command()
@@ -181,7 +184,7 @@ def note(
     def what(case: Case) -> dict[str, Any]:
         return {"action": Action.NOTE, "laps": () if lap is None else (case.lap(lap, car),)}
 
-    decide(run, _judge(by, text, dry_run), what)
+    say_decision(run, _judge(by, text), what, dry_run=dry_run)
 
 
 @app.command()
@@ -194,11 +197,11 @@ def undo(
     dry_run: DryRun = False,
 ) -> None:
     """Take a decision back. It stays listed; an undo can be undone, too."""
-    decide(run, _judge(by, because, dry_run), lambda _: {"action": Action.UNDO, "undoes": edit})
+    say_decision(run, _judge(by, because), lambda _: {"action": Action.UNDO, "undoes": edit}, dry_run=dry_run)
 
 
-def _judge(by: str | None, reason: str, dry_run: bool) -> Judge:
-    return Judge(name=login_name() if by is None else by, reason=reason, dry_run=dry_run)
+def _judge(by: str | None, reason: str) -> Judge:
+    return Judge(name=login_name() if by is None else by, reason=reason)
 
 
 def _added(case: Case, start: str, end: str, car: int) -> dict[str, Any]:

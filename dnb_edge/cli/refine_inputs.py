@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dnb_edge.archive.coordinates import numbers
 from dnb_edge.assembly import load_pairs, make_track
 from dnb_edge.cli.calibration_out import input_file
-from dnb_edge.cli.track_options import numbers
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.load import load_config

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from dnb_edge.cli.replayed import WithEdits, replay
-from dnb_edge.cli.rescore import Wanted
+from dnb_edge.archive.replayed import replay
+from dnb_edge.archive.rescore import Wanted
+from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.errors import InputError
 from dnb_edge.record.chain import continued
 from dnb_edge.record.durable import PART_SUFFIX

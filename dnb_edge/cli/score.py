@@ -10,8 +10,9 @@ import typer
 from rich.console import Console
 
 from dnb_edge import wire
-from dnb_edge.cli.replayed import Replayed, WithEdits, replay
-from dnb_edge.cli.rescore import Wanted, changes, changes_text
+from dnb_edge.archive.replayed import Replayed, replay
+from dnb_edge.archive.rescore import Wanted, changes, changes_text
+from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.cli.results import OtherLines, OtherRules, OtherTrack, OtherValues, Runs, recordings
 from dnb_edge.cli.standing_words import last_standings, standing_words
 from dnb_edge.daemon.sinks import JsonSink

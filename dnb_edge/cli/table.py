@@ -10,11 +10,12 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from dnb_edge.cli.comparable import check_comparable
-from dnb_edge.cli.replayed import WithEdits, replay
-from dnb_edge.cli.rescore import Wanted
+from dnb_edge.archive.comparable import check_comparable
+from dnb_edge.archive.replayed import replay
+from dnb_edge.archive.rescore import Wanted
+from dnb_edge.archive.trials import Raced, raced
+from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.cli.results import Runs, recordings
-from dnb_edge.cli.trials import Raced, raced
 from dnb_edge.record.chain import continued
 from dnb_edge.report.table import RowsBy, result_table
 from dnb_edge.report.table_files import as_csv, as_json_lines

@@ -12,6 +12,7 @@ from typing import Annotated
 import cv2
 import typer
 
+from dnb_edge.archive import coordinates
 from dnb_edge.cli import track_lane
 from dnb_edge.cli import track_options as options
 from dnb_edge.cli import track_origin as origins
@@ -111,13 +112,13 @@ def build(
         name=name if name is not None else wanted.name,
         lane_colour=LaneShade.AUTO,
         closed=not open_route,
-        start_line_px=None if start_line is None else options.line("--start-line", start_line),
-        start_at_px=None if start_at is None else options.point("--start-at", start_at),
-        finish_line_px=None if finish_line is None else options.line("--finish-line", finish_line),
-        finish_at_px=None if finish_at is None else options.point("--finish-at", finish_at),
-        sector_lines_px=options.lines("--sector-line", sector_line),
-        sectors_at_px=options.points("--sector-at", sector_at),
-        waypoints_px=options.points("--waypoint", waypoint),
+        start_line_px=None if start_line is None else coordinates.line("--start-line", start_line),
+        start_at_px=None if start_at is None else coordinates.point("--start-at", start_at),
+        finish_line_px=None if finish_line is None else coordinates.line("--finish-line", finish_line),
+        finish_at_px=None if finish_at is None else coordinates.point("--finish-at", finish_at),
+        sector_lines_px=coordinates.lines("--sector-line", sector_line),
+        sectors_at_px=coordinates.points("--sector-at", sector_at),
+        waypoints_px=coordinates.points("--waypoint", waypoint),
         close_gap_px=close_gap_px,
     )
 
@@ -241,7 +242,7 @@ def _scale(
 ) -> TwinScale | None:
     height_px = float(picture.shape[0])
     if length_m is not None and measured is not None:
-        from_px, to_px = options.line("--measured", measured)
+        from_px, to_px = coordinates.line("--measured", measured)
         return TwinScale.from_measured_length(from_px=from_px, to_px=to_px, length_m=length_m, height_px=height_px)
     if length_m is not None:
         return TwinScale(metres_per_px=length_m / route.length_px, height_px=height_px)

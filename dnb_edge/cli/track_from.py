@@ -14,10 +14,10 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dnb_edge.archive.replayed import replay
 from dnb_edge.assembly import make_source
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.cli.photograph import read_photograph
-from dnb_edge.cli.replayed import replay
 from dnb_edge.cli.track_lane import LaneOptions
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.track_file import MadeOf

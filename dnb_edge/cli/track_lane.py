@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from dnb_edge.cli import track_options as options
+from dnb_edge.archive import coordinates
 from dnb_edge.errors import InputError
 from dnb_edge.track.lane_shade import LaneShade
 from dnb_edge.track.twin import Lane, LaneColour, colour_of
@@ -62,18 +62,18 @@ class LaneOptions:
                 f"{named[0]} and {named[1]}: one of them says what the lane looks like: leave the other out"
             )
         if self.hsv is not None:
-            hue, saturation, value = options.numbers("--lane-hsv", self.hsv, 3)
+            hue, saturation, value = coordinates.numbers("--lane-hsv", self.hsv, 3)
             return self._tolerant(LaneColour(hue_deg=hue, saturation_percent=saturation, value_percent=value))
         if self.hex_colour is not None:
             return self._tolerant(colour_of(*_bgr(self.hex_colour)))
         if self.pixel is not None:
-            return self._tolerant(colour_at(options.point("--lane-pixel", self.pixel)))
+            return self._tolerant(colour_at(coordinates.point("--lane-pixel", self.pixel)))
         if self.tolerance != USUAL_TOLERANCE:
             raise InputError("--lane-tolerance: a lane told by its shade has none: give its colour, or leave this out")
         return LaneShade.AUTO if self.shade is None else self.shade
 
     def _tolerant(self, colour: LaneColour) -> LaneColour:
-        hue, saturation, value = options.numbers("--lane-tolerance", self.tolerance, 3)
+        hue, saturation, value = coordinates.numbers("--lane-tolerance", self.tolerance, 3)
         return replace(
             colour,
             hue_tolerance_deg=hue,

@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from dnb_edge.cli import track_options as options
+from dnb_edge.archive import coordinates
 from dnb_edge.cli.track_drive import from_drive
 from dnb_edge.cli.track_from import (
     Made,
@@ -154,7 +154,7 @@ class Origin:
     def _area_m(self) -> Extent | None:
         if self.area is None:
             return None
-        x0, y0, x1, y1 = options.numbers("--area", self.area, 4)
+        x0, y0, x1, y1 = coordinates.numbers("--area", self.area, 4)
         if not (x0 < x1 and y0 < y1):
             raise InputError(f"--area {self.area}: must be two opposite corners, the lesser x and y first, track m")
         return x0, y0, x1, y1

@@ -16,7 +16,7 @@ from dnb_edge.errors import WorkError
 from dnb_edge.record.durable import sync_directory
 from dnb_edge.record.header import RECOVERY_METADATA_NAME, SETUP_NAME
 from dnb_edge.record.layout import Layout
-from dnb_edge.record.scan import LinearReader
+from dnb_edge.record.scan import LinearReader, has_chunk_behind
 
 MOST_CUT_BYTES = 8 * 1024 * 1024
 """A torn end longer than this is more than a power cut leaves: the file as it is must be kept then."""
@@ -48,6 +48,9 @@ def finish_in_place(path: Path, final: Path) -> Finished | None:
     if reader.bad_parts or not has_setup or not layout.is_right or "" in reader.tally.counts:
         return None
     if size_bytes - reader.good_bytes > MOST_CUT_BYTES:
+        return None
+    if not reader.complete and has_chunk_behind(path, reader.good_bytes):
+        # The file is damaged inside, not only at its end.
         return None
     try:
         if not reader.complete:

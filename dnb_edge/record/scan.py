@@ -23,6 +23,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
 
+from dnb_edge.record.resync import next_chunk
+
 MAGIC = b"\x89MCAP0\r\n"
 MAX_RECORD_BYTES = 256 * 1024 * 1024
 MAX_CHUNK_BYTES = 64 * 1024 * 1024
@@ -34,6 +36,7 @@ MAX_NOTE_BYTES = 1024 * 1024
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+_NO_RECORD = "not a record"
 
 Record = Header | Schema | Channel | Message | Attachment | Metadata
 
@@ -133,7 +136,8 @@ class LinearReader:
         topics: Collection[str] | None = None,
         whole: Callable[[int, int, bytes], None] | None = None,
     ) -> None:
-        """Nothing is opened yet. `skip_bad_parts` goes on after a chunk whose content is wrong. With `topics`, messages of
+        """Nothing is opened yet. `skip_bad_parts` goes on after a chunk whose content is wrong, and with the next
+        whole chunk behind what is no record. With `topics`, messages of
         others are checked and counted like all, but not given out, which takes a tenth of the time. `whole` is told of each
         record as it stands in the file, once that has been checked: offset, opcode, body; `checksum` is of all before it.
         """
@@ -163,20 +167,22 @@ class LinearReader:
                 self._damaged(0, "no MCAP file", truncated=False)
                 return
             self.good_bytes = len(MAGIC)
-            ended = False
+            ended, bad_chunk = False, None
             while not ended:
                 offset = stream.tell()
                 head = stream.read(9)
-                if len(head) < 9:
-                    self._damaged(offset, "ends without a footer", truncated=True)
-                    return
-                opcode, length = struct.unpack("<BQ", head)
-                if opcode == 0 or length > MAX_RECORD_BYTES:
-                    self._damaged(offset, "not a record", truncated=False)
-                    return
-                if offset + 9 + length > size:
-                    self._damaged(offset, "ends in the middle of a record", truncated=True)
-                    return
+                fault = _fault_of(head, size - offset)
+                if fault is not None:
+                    # The length of a chunk that is bad may be wrong as well: others may lie in what it spans.
+                    found = self._found_behind(stream, offset if bad_chunk is None else bad_chunk, size)
+                    self._damaged(offset, fault, truncated=not found and fault != _NO_RECORD)
+                    if not found:
+                        return
+                    self.bad_parts += bad_chunk is None
+                    bad_chunk = None
+                    continue
+                bad_chunk = None
+                opcode, length = _HEAD.unpack(head)
                 body = stream.read(length)
                 try:
                     yield from self._unfold(opcode, body)
@@ -189,12 +195,22 @@ class LinearReader:
                     self._damaged(offset, str(error), truncated=False)
                     # A wrong checksum over all data says nothing new behind a part that is already known to be bad.
                     self.bad_parts += opcode != Opcode.DATA_END or self.bad_parts == 0
-                    if not (self._skip_bad_parts and opcode in (Opcode.CHUNK, Opcode.DATA_END)):
+                    if opcode not in (Opcode.CHUNK, Opcode.DATA_END) and self._found_behind(stream, offset, size):
+                        continue
+                    if not self._skip_bad_parts or opcode not in (Opcode.CHUNK, Opcode.DATA_END):
                         return
+                    bad_chunk = offset if opcode == Opcode.CHUNK else None
                 ended = opcode == Opcode.FOOTER
                 self.checksum = zlib.crc32(body, zlib.crc32(head, self.checksum))
                 self.good_bytes = stream.tell()
             self._check_end(stream)
+
+    def _found_behind(self, stream: BinaryIO, offset: int, size: int) -> bool:
+        """Puts `stream` at the next whole chunk behind `offset`; False where there is none, or nobody wants it."""
+        found = next_chunk(stream, offset + 1, size, _is_whole) if self._skip_bad_parts else None
+        if found is not None:
+            stream.seek(found)
+        return found is not None
 
     def _unfold(self, opcode: int, body: bytes) -> Iterator[Record]:
         """What one top-level record holds: itself, a chunk's content, or nothing where it is only an index."""
@@ -225,6 +241,31 @@ class LinearReader:
     def _damaged(self, offset: int, reason: str, *, truncated: bool) -> None:
         if self.damage is None:
             self.damage = Damage(offset=offset, reason=reason, truncated=truncated)
+
+
+def has_chunk_behind(path: Path, offset: int) -> bool:
+    """Whether a whole chunk begins anywhere at or behind `offset`. Raises OSError."""
+    with path.open("rb") as stream:
+        return next_chunk(stream, offset, path.stat().st_size, _is_whole) is not None
+
+
+def _is_whole(body: bytes) -> bool:
+    """Whether a chunk's body is what was written."""
+    try:
+        chunk = _parse_chunk(body)
+        return bool(chunk.uncompressed_crc == zlib.crc32(_decompress(chunk)))
+    except _BadRecord:
+        return False
+
+
+def _fault_of(head: bytes, left_bytes: int) -> str | None:
+    """What is wrong with a record that begins with `head`, `left_bytes` before the file's end; None where nothing shows."""
+    if len(head) < _HEAD.size:
+        return "ends without a footer"
+    opcode, length = _HEAD.unpack(head)
+    if opcode == 0 or length > MAX_RECORD_BYTES:
+        return _NO_RECORD
+    return "ends in the middle of a record" if _HEAD.size + length > left_bytes else None
 
 
 def _parse(opcode: int, body: bytes) -> Record | None:

@@ -14,8 +14,8 @@ from edge_command import Race, edge
 from table_runs import Car, circle, on_circle, record, setup
 from typer.testing import CliRunner, Result
 
+from dnb_edge.archive.replayed import replay
 from dnb_edge.cli.main import app
-from dnb_edge.cli.replayed import replay
 from dnb_edge.cli.results import make_report
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings

@@ -10,8 +10,8 @@ from edge_command import Race, edge
 from table_runs import Car, circle, record, setup
 from typer.testing import CliRunner, Result
 
+from dnb_edge.archive.replayed import replay
 from dnb_edge.cli.main import app
-from dnb_edge.cli.replayed import replay
 from dnb_edge.config.rules import PRESETS
 from dnb_edge.config.track_file import track_file
 from dnb_edge.errors import InputError

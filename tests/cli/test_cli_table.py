@@ -8,9 +8,9 @@ import pytest
 from table_runs import GROUND, Car, circle, entry, record, setup
 from typer.testing import CliRunner, Result
 
+from dnb_edge.archive.replayed import replay
+from dnb_edge.archive.trials import raced
 from dnb_edge.cli.main import app
-from dnb_edge.cli.replayed import replay
-from dnb_edge.cli.trials import raced
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings

@@ -15,7 +15,7 @@ import fuzz_tree
 import numpy as np
 from fuzz_corpus import RUN, Corpus
 
-from dnb_edge.cli.replayed import replay
+from dnb_edge.archive.replayed import replay
 from dnb_edge.config.calibration_file import load_calibration, reference_picture
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.lens_file import load_lens

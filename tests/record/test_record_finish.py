@@ -3,6 +3,7 @@
 import io
 import os
 import shutil
+import struct
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from record_samples import chunk_spans, small_run
 from dnb_edge.errors import WorkError
 from dnb_edge.record.reader import read_run
 from dnb_edge.record.recover import recover_file
+from dnb_edge.record.resync import MOST_WORK_BYTES, next_chunk
 from dnb_edge.record.scan import LinearReader
 
 
@@ -59,6 +61,16 @@ def in_file(path: Path) -> list[tuple[str, int, bytes]]:
     reader = LinearReader(path)
     found = [one for one in reader.records() if isinstance(one, Message)]
     return sorted((reader.tally.topic(one.channel_id) or "", one.log_time, one.data) for one in found)
+
+
+def in_chunk(whole_path: Path, place: Path, begin: int, end: int) -> list[tuple[str, int, bytes]]:
+    """The messages of the chunk between two offsets."""
+    found = []
+    for offset in (begin, end):
+        path = cut_at(whole_path, place, offset)
+        found.append(in_file(path))
+        path.unlink()
+    return [one for one in found[1] if one not in found[0]]
 
 
 def test_cut_anywhere_it_is_ended_with_an_index(whole_path: Path, tmp_path: Path) -> None:
@@ -145,3 +157,49 @@ def test_a_long_torn_end_is_kept(whole_path: Path, tmp_path: Path) -> None:
     done = recover_file(part)
     assert done.original_kept
     assert {one.name for one in tmp_path.iterdir()} == {whole_path.name, f"{whole_path.name}.damaged"}
+
+
+@pytest.mark.parametrize(
+    ("first", "length", "fill"),
+    [(0, 40, b"\0"), (1, 8, b"\xff"), (1, 8, b"\x05"), (60, 800, b"\0"), (-60, 800, b"\0")],
+    ids=["no record", "endless", "too long", "zeros inside", "zeros across its beginning"],
+)
+def test_whole_chunks_behind_a_damaged_spot_are_kept(
+    whole_path: Path, tmp_path: Path, first: int, length: int, fill: bytes
+) -> None:
+    """Damage at or in the middle chunk of a file that was cut short takes the chunks that it lies in and no other one; the
+    recovered file says so, and the damaged one stays."""
+    spans = chunk_spans(whole_path)
+    middle = len(spans) // 2
+    everything = in_file(cut_at(whole_path, tmp_path, spans[-1][1]))
+    content = bytearray(whole_path.read_bytes()[: spans[-1][1]])
+    start = spans[middle][0] + first
+    content[start : start + length] = fill * min(length, len(content) - start)
+    hit = [index for index, (begin, end) in enumerate(spans) if begin < start + length and start < end]
+    lost = [one for index in hit for one in in_chunk(whole_path, tmp_path, *spans[index])]
+    part = cut_at(whole_path, tmp_path, 0)
+    part.write_bytes(content)
+    done = recover_file(part)
+    assert 0 < len(hit) < len(spans) - middle
+    assert in_file(done.path) == [one for one in everything if one not in lost]
+    assert (done.bad_parts > 0, done.original_kept) == (True, True)
+    assert {one.name for one in tmp_path.iterdir()} == {whole_path.name, f"{whole_path.name}.damaged"}
+
+
+def test_beginnings_of_chunks_without_end_are_given_up(whole_path: Path, tmp_path: Path) -> None:
+    """A file made of nothing but heads of chunks, each of which claims to be long, takes no time that its size does not."""
+    part = cut_at(whole_path, tmp_path, chunk_spans(whole_path)[-1][1])
+    head = struct.pack("<BQQQQI", Opcode.CHUNK, 1_000_000, 0, 0, 60_000_000, 1) + b"\x04\0\0\0zstd"
+    with part.open("ab") as stream:
+        stream.write(b"\0" * 9 + head * 100_000)
+    reads = []
+
+    class Counting(io.BytesIO):
+        def read(self, size=-1):
+            data = super().read(size)
+            reads.append(len(data))
+            return data
+
+    content = part.read_bytes()
+    assert next_chunk(Counting(content), chunk_spans(whole_path)[-1][1], len(content), lambda body: False) is None
+    assert sum(reads) < 2 * MOST_WORK_BYTES

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from dnb_edge.cli.track_options import numbers, point
+from dnb_edge.archive.coordinates import numbers, point
 from dnb_edge.config.text import parse_lines
 from dnb_edge.config.track_file import load_track
 from dnb_edge.errors import InputError

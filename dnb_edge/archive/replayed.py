@@ -10,12 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from dnb_edge.cli.overlay import Overlaid, RaceFacts, laid_over
-from dnb_edge.cli.rescore import changes_text
+from dnb_edge.archive.overlay import Overlaid, RaceFacts, laid_over
+from dnb_edge.archive.rescore import changes_text
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.core.views import ViewLog
 from dnb_edge.errors import InputError
@@ -30,7 +28,6 @@ from dnb_edge.report.table import printable
 from dnb_edge.track.twin import load_twin
 from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary
 
-WithEdits = Annotated[bool, typer.Option("--edits/--no-edits", help="Lay a judge's edits over the laps.")]
 """The option of every verb that shows laps of a recording."""
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dnb_edge.cli.replayed import Replayed
+from dnb_edge.archive.replayed import Replayed
 from dnb_edge.core import CoreSetup
 from dnb_edge.record.identity import Identity, identity_of
 from dnb_edge.report.table import Trial

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from dnb_edge import wire
-from dnb_edge.cli.rescore_lines import lines_px, other_track, parse_line_options, with_lines
+from dnb_edge.archive.rescore_lines import lines_px, other_track, parse_line_options, with_lines
 from dnb_edge.config.faults import explain
 from dnb_edge.config.load import START_MODE, parse_override, set_key
 from dnb_edge.config.rules import SECTIONS, RuleSet, load_rule_set, with_rules

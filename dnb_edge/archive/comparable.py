@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dnb_edge.cli.trials import Raced
+from dnb_edge.archive.trials import Raced
 from dnb_edge.config.rules import SECTIONS
 from dnb_edge.errors import InputError
 from dnb_edge.record.identity import rules_of
