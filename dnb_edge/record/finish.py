@@ -49,8 +49,8 @@ def finish_in_place(path: Path, final: Path) -> Finished | None:
         return None
     if size_bytes - reader.good_bytes > MOST_CUT_BYTES:
         return None
-    if not reader.complete and has_chunk_behind(path, reader.good_bytes):
-        # The file is damaged inside, not only at its end.
+    if not reader.complete and has_chunk_behind(path, reader.last_record + 1):
+        # The file is damaged inside, not only at its end; the last record's length may be what is wrong.
         return None
     try:
         if not reader.complete:

@@ -155,6 +155,8 @@ class LinearReader:
         self.bad_parts = 0
         self.good_bytes = 0
         """Length of the prefix of whole records."""
+        self.last_record = 0
+        """Offset of the last of them."""
         self.checksum = zlib.crc32(MAGIC)
         """CRC-32 of that prefix."""
 
@@ -167,21 +169,21 @@ class LinearReader:
                 self._damaged(0, "no MCAP file", truncated=False)
                 return
             self.good_bytes = len(MAGIC)
-            ended, bad_chunk = False, None
+            ended, before = False, len(MAGIC)
             while not ended:
                 offset = stream.tell()
                 head = stream.read(9)
                 fault = _fault_of(head, size - offset)
                 if fault is not None:
-                    # The length of a chunk that is bad may be wrong as well: others may lie in what it spans.
-                    found = self._found_behind(stream, offset if bad_chunk is None else bad_chunk, size)
+                    # The length of the record before may be wrong: whole chunks may lie in what it spans.
+                    found = self._found_behind(stream, before, size)
                     self._damaged(offset, fault, truncated=not found and fault != _NO_RECORD)
                     if not found:
                         return
-                    self.bad_parts += bad_chunk is None
-                    bad_chunk = None
+                    self.bad_parts += 1
+                    before = stream.tell()
                     continue
-                bad_chunk = None
+                before = offset
                 opcode, length = _HEAD.unpack(head)
                 body = stream.read(length)
                 try:
@@ -199,10 +201,9 @@ class LinearReader:
                         continue
                     if not self._skip_bad_parts or opcode not in (Opcode.CHUNK, Opcode.DATA_END):
                         return
-                    bad_chunk = offset if opcode == Opcode.CHUNK else None
                 ended = opcode == Opcode.FOOTER
                 self.checksum = zlib.crc32(body, zlib.crc32(head, self.checksum))
-                self.good_bytes = stream.tell()
+                self.good_bytes, self.last_record = stream.tell(), offset
             self._check_end(stream)
 
     def _found_behind(self, stream: BinaryIO, offset: int, size: int) -> bool:
