@@ -12,12 +12,11 @@ from rich.console import Console
 
 from dnb_edge.cli.calibration_out import check_calibration_path, check_places, save_calibration
 from dnb_edge.cli.keypoint_input import Given, Options, gather
-from dnb_edge.cli.keypoint_words import Found, facts, print_found
+from dnb_edge.cli.keypoint_words import facts, print_found
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
-from dnb_edge.view.advice import advise, hull_px, lane_px
-from dnb_edge.view.fit import CLICK_SIGMA_PX, TWIN_SIGMA_PX, KeypointFit, fit_keypoints
-from dnb_edge.view.homography import calibration_error, error_by_count, ideal_pairs
+from dnb_edge.view.findings import Found, find
+from dnb_edge.view.fit import CLICK_SIGMA_PX, TWIN_SIGMA_PX, KeypointFit
 
 
 def keypoints(
@@ -125,29 +124,12 @@ def _found(given: Given, click_sigma_px: float, twin_sigma_px: float, without: l
     for name, sigma_px in (("--click-sigma-px", click_sigma_px), ("--twin-sigma-px", twin_sigma_px)):
         if not 0.0 < sigma_px < 1e4:
             raise InputError(f"{name} {sigma_px:g}: must be a positive number of px")
-    width_px, height_px = given.likely_size_px
-    fit = fit_keypoints(
-        given.pairs, given.scale, width_px=width_px, height_px=height_px, lens=given.lens, click_sigma_px=click_sigma_px,
-        twin_sigma_px=twin_sigma_px,
+    found = find(
+        given.pairs, given.scale, size_px=given.likely_size_px, say=given.say, lens=given.lens, track=given.track,
+        metres_per_px=given.metres_per_px, sigmas_px=(click_sigma_px, twin_sigma_px),
     )  # fmt: skip
-    plain = ideal_pairs(given.pairs, given.lens)
-    clicked = given.pairs.camera_array()
-    ground = fit.calibration.ground
-    places = hull_px(clicked) if given.track is None else lane_px(ground, given.track)
-    if not len(places):
-        raise InputError(
-            f"{given.pairs.source}: the picture shows nothing of the track: check the image size and the twin"
-        )
     left_out = (f"left out by hand: {', '.join(without)}",) if without else ()
-    return Found(
-        fit=fit,
-        plain=calibration_error(plain, metres_per_px=given.metres_per_px),
-        by_count=error_by_count(plain),
-        sigmas_m=fit.calibration.sigma_m(places),
-        over="the lane" if given.track is not None else "the area between the keypoints",
-        notes=(*left_out, *_notes(given, fit)),
-        advice=advise(fit, clicked, places, given.say),
-    )
+    return replace(found, notes=(*left_out, *_notes(given, found.fit)))
 
 
 def _notes(given: Given, fit: KeypointFit) -> tuple[str, ...]:

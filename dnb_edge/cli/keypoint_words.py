@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from dnb_edge.cli.keypoint_input import Given
-from dnb_edge.view.fit import KeypointFit
-from dnb_edge.view.homography import CalibrationError, CountError
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """All that is to be told."""
-
-    fit: KeypointFit
-    plain: CalibrationError
-    """Of plain least squares, as the paper has it."""
-    by_count: tuple[CountError, ...]
-    sigmas_m: NDArray[np.float64]
-    """Of the position, over the places that matter..."""
-    over: str
-    """...which are these, in words."""
-    notes: tuple[str, ...]
-    advice: tuple[str, ...]
+from dnb_edge.view.findings import Found
+from dnb_edge.view.homography import CalibrationError
 
 
 def facts(given: Given, found: Found) -> dict[str, Any]:
