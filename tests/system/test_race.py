@@ -11,12 +11,14 @@ from harness import reel
 from harness.appliance import DISPLAY_URI, PATIENCE_S, RUNS, account, laps, note, stamps_s, the_run
 
 from dnb_edge.display import protocol
+from dnb_edge.values import Health
 
 LAPS = 4
 LAP_LIMIT_S = 0.1
 """Largest error of a lap's time. Stamps are those of the payload's arrival, and an emulated processor that shares its host
 comes late by tens of milliseconds; the mean over the race is far nearer."""
 MEAN_LIMIT_S = 0.02
+MEMORY_LIMIT_BYTES = 250e6
 
 
 def test_a_race_is_counted_timed_shown_and_recorded(guest, appliance, webcam, logs):
@@ -41,6 +43,7 @@ def test_a_race_is_counted_timed_shown_and_recorded(guest, appliance, webcam, lo
     errors_s = [lap.time_s - reel.lap_s() for lap in driven]
     frames = account(run)
     stamps = stamps_s(run)
+    memory_bytes = max(event.memory_bytes or 0 for event in run.events() if isinstance(event, Health))
     note(
         logs,
         ready_s=round(ready_s, 1),
@@ -51,10 +54,12 @@ def test_a_race_is_counted_timed_shown_and_recorded(guest, appliance, webcam, lo
         lost=frames.lost,
         raced_fps=round(len(stamps) / (stamps[-1] - stamps[0]), 1),
         camera_skipped=webcam.skipped_frames,
+        memory_mb=round(memory_bytes / 1e6),
     )
     assert max(map(abs, errors_s)) < LAP_LIMIT_S
     assert abs(statistics.mean(errors_s)) < MEAN_LIMIT_S
     assert frames.unexplained == 0
+    assert 0 < memory_bytes <= MEMORY_LIMIT_BYTES
     shown = [message for _, message in appliance.display.lines if isinstance(message, protocol.Lap)]
     shown_s = {message.lap: message.time_s for message in shown}
     assert shown_s == {lap.number: round(lap.time_s, 3) for lap in driven}
