@@ -83,15 +83,26 @@ class Decision:
     after: Overlaid
 
 
-def open_case(run: Path) -> Case:
-    """The run and the edits so far, to look at. Raises `InputError` where one of them cannot be read."""
-    raced = replay(run, edits=False)
+def open_case(run: Path, *, raced: Replayed | None = None) -> Case:
+    """The run and the edits so far, to look at. Raises `InputError` where one of them cannot be read.
+
+    `raced`: the run as `replay` gives it without edits, where it is there already.
+    """
+    if raced is None:
+        raced = replay(run, edits=False)
     return _case(raced, read_edits(run, raced.run))
 
 
-def decide(run: Path, judge: Judge, what: Callable[[Case], dict[str, Any]], *, dry_run: bool = False) -> Decision:
+def decide(
+    run: Path,
+    judge: Judge,
+    what: Callable[[Case], dict[str, Any]],
+    *,
+    dry_run: bool = False,
+    raced: Replayed | None = None,
+) -> Decision:
     """Makes the edit that `what` describes (the fields of an `Edit` but for number, time, author and reason), and saves it
-    unless `dry_run`.
+    unless `dry_run`. `raced` as for `open_case`.
 
     Raises `InputError` where it makes no sense for this run as it stands, and `WorkError` where it cannot be saved.
     """
@@ -99,7 +110,8 @@ def decide(run: Path, judge: Judge, what: Callable[[Case], dict[str, Any]], *, d
         raise InputError("--by: is blank: say who decides")
     if not judge.reason.strip():
         raise InputError("--because: is blank: say why, for those who read the results")
-    raced = replay(run, edits=False)
+    if raced is None:
+        raced = replay(run, edits=False)
     with locked(run):
         case = _case(raced, read_edits(run, raced.run))
         edit = Edit(

@@ -97,15 +97,16 @@ def replay(
     edits: bool = True,
     changed: Callable[[CoreSetup], CoreSetup] | None = None,
     tell_running: bool = False,
+    unfinished: bool = False,
 ) -> Replayed:
     """Races the recording at `path` again, under the setup that `changed` makes of the recorded one, or under that itself.
 
     With `tell_running` its events are all that the live run said; without, they lack the running laps, which take a fifth of
-    the time and change nothing else.
+    the time and change nothing else. `unfinished`: what is there of a recording that is still being written, or was cut short.
 
     Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
     """
-    run = read_run(path, keep_detections=True)
+    run = read_run(path, keep_detections=True, tolerate_damage=unfinished)
     try:
         setup = CoreSetup.from_dict(run.header.setup["core"])
         calibration = dict(run.header.setup["calibration"])

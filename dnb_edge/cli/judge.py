@@ -6,7 +6,6 @@ Each verb adds one line to `RUN.edits.jsonl` beside the recording. Registered by
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,13 +15,20 @@ from rich.table import Table
 
 from dnb_edge import wire
 from dnb_edge.archive.case import Case, Judge, open_case
+from dnb_edge.archive.decisions import (
+    adding,
+    forgiving,
+    judges_penalty,
+    merging,
+    noting,
+    penalising,
+    removing,
+    undoing,
+)
 from dnb_edge.archive.replayed import edit_warning
 from dnb_edge.cli.judge_case import lap_words, login_name, say_decision, say_warnings
-from dnb_edge.errors import InputError
-from dnb_edge.race.crossing import lap_sigma_s
-from dnb_edge.race.edit import JUDGE, Action, AddedLap, LapKey
 from dnb_edge.report.table import printable
-from dnb_edge.values import Crossing, IncidentKind, Penalty
+from dnb_edge.values import IncidentKind
 
 app = typer.Typer(
     help="A judge's decisions: add, remove and merge laps, give and forgive penalties, take notes. The recording never "
@@ -35,13 +41,10 @@ Lap = Annotated[int, typer.Option("--lap", help="Number of the lap, as `judge li
 Car = Annotated[int, typer.Option("--car", min=1, help="Number of the car, in races of several.")]
 By = Annotated[str | None, typer.Option("--by", help="Who decides. Default: your login name.", metavar="NAME")]
 Because = Annotated[str, typer.Option("--because", help="Why, for those who read the results.", metavar="TEXT")]
+DASHES = "--"
+"""Before the names of options in complaints."""
+
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Show what would be, and save nothing.")]
-
-HAND_SIGMA_S = 0.05
-"""One standard deviation of an instant that a judge gives in seconds: a frame or two of a clip that is stepped through."""
-
-MOST_SECONDS = 86_400.0
-"""A penalty of more seconds than a day has is a slip of the finger."""
 
 
 @app.command("list")
@@ -85,7 +88,7 @@ def add(
 
     Its similarity is computed from what was seen of the car in that time.
     """
-    say_decision(run, _judge(by, because), lambda case: _added(case, start, end, car), dry_run=dry_run)
+    say_decision(run, _judge(by, because), adding(start, end, car, dashes=DASHES), dry_run=dry_run)
 
 
 @app.command()
@@ -94,20 +97,13 @@ def remove(run: Run, *, lap: Lap, because: Because, by: By = None, car: Car = 1,
 
     dnb-edge judge remove RUN --lap 3 --because "the car was carried"
     """
-    say_decision(
-        run, _judge(by, because), lambda case: {"action": Action.REMOVE, "laps": (case.lap(lap, car),)}, dry_run=dry_run
-    )
+    say_decision(run, _judge(by, because), removing(lap, car), dry_run=dry_run)
 
 
 @app.command()
 def merge(run: Run, *, lap: Lap, because: Because, by: By = None, car: Car = 1, dry_run: DryRun = False) -> None:
     """Make one lap of a lap and the next: the crossing between them was none."""
-
-    def what(case: Case) -> dict[str, Any]:
-        first = case.lap(lap, car)
-        return {"action": Action.MERGE, "laps": (first, case.after(first))}
-
-    say_decision(run, _judge(by, because), what, dry_run=dry_run)
+    say_decision(run, _judge(by, because), merging(lap, car), dry_run=dry_run)
 
 
 @app.command()
@@ -130,18 +126,8 @@ def penalty(
 
     dnb-edge judge penalty RUN --lap 3 --seconds 5 --because "touched car 2"
     """
-    if not 0 <= seconds <= MOST_SECONDS:
-        raise InputError(f"--seconds {seconds:g}: must lie between 0 and {MOST_SECONDS:g}")
-    if not 0 <= factor <= 1:
-        raise InputError(f"--factor {factor:g}: must lie between 0 and 1")
-    if not (seconds or factor < 1 or invalid or dnf):
-        raise InputError("a penalty must cost something: give --seconds, --factor, --invalid or --dnf")
-    given = Penalty(offence=JUDGE, seconds=seconds, factor=factor, invalid=invalid, dnf=dnf, reason=because.strip())
-
-    def what(case: Case) -> dict[str, Any]:
-        return {"action": Action.PENALTY, "laps": (case.lap(lap, car),), "penalty": given}
-
-    say_decision(run, _judge(by, because), what, dry_run=dry_run)
+    given = judges_penalty(seconds=seconds, factor=factor, invalid=invalid, dnf=dnf, reason=because, dashes=DASHES)
+    say_decision(run, _judge(by, because), penalising(lap, car, given), dry_run=dry_run)
 
 
 @app.command()
@@ -161,12 +147,7 @@ def forgive(
 
     A judge's own penalties are taken back with `undo`.
     """
-
-    def what(case: Case) -> dict[str, Any]:
-        kind = None if offence is None else offence.value
-        return {"action": Action.FORGIVE, "laps": (case.lap(lap, car),), "offence": kind}
-
-    say_decision(run, _judge(by, because), what, dry_run=dry_run)
+    say_decision(run, _judge(by, because), forgiving(lap, car, offence), dry_run=dry_run)
 
 
 @app.command()
@@ -180,11 +161,7 @@ def note(
     dry_run: DryRun = False,
 ) -> None:
     """Write a note beside a lap, or beside the run."""
-
-    def what(case: Case) -> dict[str, Any]:
-        return {"action": Action.NOTE, "laps": () if lap is None else (case.lap(lap, car),)}
-
-    say_decision(run, _judge(by, text), what, dry_run=dry_run)
+    say_decision(run, _judge(by, text), noting(lap, car), dry_run=dry_run)
 
 
 @app.command()
@@ -197,56 +174,11 @@ def undo(
     dry_run: DryRun = False,
 ) -> None:
     """Take a decision back. It stays listed; an undo can be undone, too."""
-    say_decision(run, _judge(by, because), lambda _: {"action": Action.UNDO, "undoes": edit}, dry_run=dry_run)
+    say_decision(run, _judge(by, because), undoing(edit), dry_run=dry_run)
 
 
 def _judge(by: str | None, reason: str) -> Judge:
     return Judge(name=login_name() if by is None else by, reason=reason)
-
-
-def _added(case: Case, start: str, end: str, car: int) -> dict[str, Any]:
-    """The fields of an edit that adds a lap. Raises `InputError` where its ends are no instants of this car's run."""
-    first, last = _instant(case, "--from", start, car), _instant(case, "--to", end, car)
-    ends_ns = [one.t_ns if isinstance(one, Crossing) else _stamp(case, one) for one in (first, last)]
-    if not ends_ns[0] < ends_ns[1]:
-        raise InputError(f"--to {end}: must be later than --from {start}")
-    if isinstance(first, Crossing) and isinstance(last, Crossing):
-        sigma_s = lap_sigma_s(first, last)
-    else:
-        sigma_s = math.hypot(*(one.sigma_s if isinstance(one, Crossing) else HAND_SIGMA_S for one in (first, last)))
-    laps = [*(one.lap for one in (*case.now.laps, *case.now.removed)), *case.raced.raw_laps]
-    highest = max((lap.number for lap in laps if lap.car == car), default=0)
-    earlier = [edit.added.key.number for edit in case.log.edits if edit.added is not None and edit.added.key.car == car]
-    key = LapKey(car=car, number=max([highest, *earlier]) + 1, start_t_ns=ends_ns[0], end_t_ns=ends_ns[1])
-    start_s = first.t_s if isinstance(first, Crossing) else first
-    return {"action": Action.ADD, "added": AddedLap(key=key, start_s=start_s, sigma_s=sigma_s)}
-
-
-def _instant(case: Case, option: str, text: str, car: int) -> Crossing | float:
-    """The pass that is meant, or seconds from the first frame."""
-    kind, colon, number = text.partition(":")
-    if kind == "pass" and colon:
-        if not (number.isdecimal() and 1 <= int(number) <= len(case.passes)):
-            raise InputError(
-                f"{option} {text}: there are passes 1 to {len(case.passes)}: see `dnb-edge judge list --passes`"
-            )
-        one = case.passes[int(number) - 1]
-        if one.car != car:
-            raise InputError(f"{option} {text}: that pass is car {one.car}'s: say --car {one.car}, or choose another")
-        return one
-    try:
-        t_s = float(text)
-    except ValueError:
-        t_s = math.nan
-    frames = case.raced.facts.frames_t_ns
-    longest_s = (frames[-1] - frames[0]) * 1e-9 if frames else 0.0
-    if not 0 <= t_s <= longest_s:
-        raise InputError(f"{option} {text}: must be seconds from the first frame, 0 to {longest_s:.3f}, or pass:N")
-    return t_s
-
-
-def _stamp(case: Case, t_s: float) -> int:
-    return case.raced.facts.frames_t_ns[0] + round(t_s * 1e9)
 
 
 def _laps(case: Case) -> Table:
