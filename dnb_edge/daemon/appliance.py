@@ -31,7 +31,7 @@ from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.machine import MachineWatch
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.recording import recording_settings
-from dnb_edge.daemon.resume import RESUME_WITHIN_S, Unfinished, find_unfinished, recover_aside
+from dnb_edge.daemon.resume import RESUME_WITHIN_S, Unfinished, find_unfinished, places_there, recover_aside
 from dnb_edge.daemon.sinks import BoardSink, RecordSink, Sink
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display
@@ -207,15 +207,11 @@ def _keeper(rooms: _Rooms, options: RunOptions) -> Callable[[], None] | None:
 def _earlier(directory: Path, header: RunHeader, rooms: _Rooms, within_s: float) -> Unfinished | None:
     """The run that was cut short and that this one goes on with; None where there is none. All others are recovered first."""
     found = None
-    if directory.is_dir() and within_s > 0 and header.source.live:
-        found = find_unfinished(
-            directory,
-            header,
-            now_ns=time.monotonic_ns(),
-            within_s=within_s,
-            fallback=rooms.config.record.fallback,
-        )
-    _recover(directory, leave=() if found is None else found.parts)
+    places = places_there(directory, rooms.config.record.fallback)
+    if within_s > 0 and header.source.live:
+        found = find_unfinished(places, header, now_ns=time.monotonic_ns(), within_s=within_s)
+    for place in places:
+        _recover(place, leave=() if found is None else found.parts)
     if found is not None:
         log.warning("going on with %s, which was cut short: %d laps so far", found.name, len(found.laps))
     return found
@@ -245,7 +241,7 @@ def _start_recorder(directory: Path, header: RunHeader, rooms: _Rooms, earlier: 
 
 def _recover(directory: Path, *, leave: Sequence[Path]) -> None:
     """Brings back what an earlier run left unfinished when its power went, before a new one is begun beside it."""
-    for result in recover_directory(directory, leave=leave) if directory.is_dir() else ():
+    for result in recover_directory(directory, leave=leave):
         if isinstance(result, Recovery):
             log.warning("recovered %s from an earlier run: %d laps", result.path, result.laps)
         else:

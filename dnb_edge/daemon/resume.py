@@ -1,7 +1,7 @@
 """A run that was cut short and may be gone on with: whether there is one, what it held, and why another is left alone.
 
-Knows the recordings of one directory and what makes two runs the same race. Knows no core: who brings it back to where it was
-is `catchup`. A run is gone on with only in the same boot, since the clock that its laps are timed by ends with it.
+Knows the recordings of some directories and what makes two runs the same race. Knows no core: who brings it back to where
+it was is `catchup`. A run is gone on with only in the same boot, since the clock that its laps are timed by ends with it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mcap.records import Message
 from dnb_edge import wire
 from dnb_edge.errors import InputError
 from dnb_edge.record import names
-from dnb_edge.record.chain import chain_of, read_head
+from dnb_edge.record.chain import Head, chain_of, read_head
 from dnb_edge.record.channels import DETECTIONS_TOPIC, EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.header import RunHeader
@@ -102,28 +102,39 @@ class Unfinished:
                     yield wire.from_json(FrameDetections, record.data)
 
 
+def places_there(directory: Path, fallback: Sequence[Path]) -> tuple[Path, ...]:
+    """Where runs may lie: those of `directory` and the ones to go on in where its disk fails that are there."""
+    found = []
+    for place in dict.fromkeys((directory, *fallback)):
+        try:
+            if place.is_dir():
+                found.append(place)
+        except OSError as error:
+            log.warning("%s: not looked at for earlier runs: %s", place, error.strerror)
+    return tuple(found)
+
+
 def find_unfinished(
-    directory: Path,
+    places: Sequence[Path],
     header: RunHeader,
     *,
     now_ns: int,
     within_s: float,
-    fallback: Sequence[Path] = (),
     look_s: float = LOOK_S,
 ) -> Unfinished | None:
-    """The latest run in `directory`, if the one that begins now, with `header`, is to go on with it; else None.
+    """The latest run in the directories `places`, if the one that begins now, with `header`, is to go on with it; else None.
 
-    `now_ns` is CLOCK_MONOTONIC; in `fallback` recordings go on where the disk fails. Says in the log why a run that was cut
-    short is not gone on with.
+    Its files may lie in several of them. `now_ns` is CLOCK_MONOTONIC. Says in the log why a run that was cut short is not
+    gone on with.
     """
-    path = _latest(directory)
+    path = _latest(places)
     if path is None:
-        _say_other_boot(directory)
+        _say_other_boot(places)
         return None
     try:
         head = read_head(path)
-        chain = chain_of(head)
-        reason = _other_race(head.header, header) or _went_on_elsewhere(path, fallback)
+        chain = chain_of(head, places)
+        reason = _other_race(head.header, header)
         found = _read((*chain.earlier, path), until_s=time.monotonic() + look_s)
         if reason is None and chain.missing is not None:
             reason = f"{chain.missing}, from which it went on, is not there"
@@ -165,17 +176,34 @@ class _Ended(Exception):
     """The run has come to its own end."""
 
 
-def _latest(directory: Path) -> Path | None:
-    """The file of this boot with the highest number that holds a header; None where there is none, or it is in use."""
+def _latest(places: Sequence[Path]) -> Path | None:
+    """The file of this boot that was written last and holds a header; None where there is none, or one of them is in use."""
+    heads = [head for place in places if (head := _latest_in(place)) is not None]
+    if not heads or any(_in_use(head.path) for head in heads):
+        return None
+    gone_on = {head.previous for head in heads}
+    last = [head for head in heads if head.path.name.removesuffix(PART_SUFFIX) not in gone_on] or heads
+    return max(last, key=lambda head: _written_ns(head.path)).path
+
+
+def _written_ns(path: Path) -> int:
+    """When it was written last, by the disk's date; 0 where it has got another name meanwhile."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _latest_in(place: Path) -> Head | None:
+    """Of the file of this boot with the highest number in one directory."""
     pattern = re.compile(rf"run-{re.escape(names.boot_tag())}-(\d+)\.mcap({re.escape(PART_SUFFIX)})?")
-    found = [(int(match[1]), path) for path in directory.glob("run-*") if (match := pattern.fullmatch(path.name))]
+    found = [(int(match[1]), path) for path in place.glob("run-*") if (match := pattern.fullmatch(path.name))]
     for _, path in sorted(found, reverse=True):
         try:
-            read_head(path)
+            return read_head(path)
         except InputError:
             # It was cut short before its header was saved.
             continue
-        return None if _in_use(path) else path
     return None
 
 
@@ -193,10 +221,10 @@ def _in_use(path: Path) -> bool:
     return False
 
 
-def _say_other_boot(directory: Path) -> None:
+def _say_other_boot(places: Sequence[Path]) -> None:
     """A run of an earlier boot is recovered and never gone on with: how long the box was off nobody knows."""
     tag = names.boot_tag()
-    for path in sorted(directory.glob(f"run-*{PART_SUFFIX}")):
+    for path in sorted(path for place in places for path in place.glob(f"run-*{PART_SUFFIX}")):
         if not path.name.startswith(f"run-{tag}-") and not _in_use(path):
             log.warning(
                 "%s was cut short by a power cut or a restart of the machine and is not resumed: its clock has ended with it. "
@@ -220,19 +248,6 @@ def _other_race(before: RunHeader, now: RunHeader) -> str | None:
     for member, word in names_of.items():
         if _same(mine[member]) != _same(other[member]):
             return f"another {word}"
-    return None
-
-
-def _went_on_elsewhere(path: Path, fallback: Sequence[Path]) -> str | None:
-    """Where the run has more than `path` holds, since its disk failed; None where it has not."""
-    name = path.name.removesuffix(PART_SUFFIX)
-    for place in fallback:
-        for other in sorted(place.glob(f"run-{names.boot_tag()}-*.mcap*")):
-            try:
-                if read_head(other).previous == name:
-                    return f"it went on in {other} when its disk failed"
-            except InputError:
-                continue
     return None
 
 

@@ -6,7 +6,7 @@ Knows how a file names the one before it: the member `resumed_from` of its heade
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,12 +70,12 @@ def read_head(path: Path) -> Head:
     return Head(path=path, header=header, previous=previous if previous is not None else header.resumed_from)
 
 
-def chain_of(head: Head) -> Chain:
-    """The files that a recording goes on from, which lie beside it."""
+def chain_of(head: Head, places: Sequence[Path] = ()) -> Chain:
+    """The files that a recording goes on from, which lie beside it, or else in one of the directories `places`."""
     earlier: list[Path] = []
     name, seen = head.previous, {head.path}
     while name is not None:
-        path = _beside(head.path, name)
+        path = _found((head.path.parent, *places), name)
         if path is None or path in seen:
             return Chain(earlier=tuple(reversed(earlier)), missing=name)
         try:
@@ -104,9 +104,9 @@ def continued(paths: Iterable[Path]) -> dict[Path, Path]:
     return found
 
 
-def _beside(path: Path, name: str) -> Path | None:
-    """The file called `name` in the same directory, finished or not; None where there is none, or the name leads elsewhere."""
+def _found(places: Iterable[Path], name: str) -> Path | None:
+    """The file called `name` in the first place that has it, finished or not; None where none has, or it leads elsewhere."""
     if not name or Path(name).name != name or "\0" in name or len(name.encode(errors="replace")) > MOST_NAME_BYTES:
         return None
-    places = (path.with_name(name), path.with_name(name + PART_SUFFIX))
-    return next((place for place in places if place.is_file()), None)
+    paths = (place / one for place in places for one in (name, name + PART_SUFFIX))
+    return next((path for path in paths if path.is_file()), None)

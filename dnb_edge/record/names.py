@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from collections.abc import Iterable
 from pathlib import Path
 
 from dnb_edge.record.durable import PART_SUFFIX, DurableFile
@@ -22,18 +23,30 @@ def boot_tag() -> str:
         return secrets.token_hex(4)
 
 
-def create_next(directory: Path, tag: str, *, after: str = "") -> DurableFile:
-    """Create the next recording of boot `tag` in `directory`, colliding with none, nor with `after`. Raises OSError."""
+def create_next(directory: Path, tag: str, *, after: str = "", beside: Iterable[Path] = ()) -> DurableFile:
+    """Create the next recording of boot `tag` in `directory`, colliding with none, nor with `after`. Raises OSError.
+
+    Nor with what lies in the directories `beside` it, as far as they are there: runs that go on from one another are kept
+    together some day.
+    """
     pattern = re.compile(rf"run-{re.escape(tag)}-(\d+)")
-    taken = [
-        int(match[1]) for match in map(pattern.match, (after, *(path.name for path in directory.iterdir()))) if match
-    ]
+    there = [path.name for path in directory.iterdir()]
+    elsewhere = [name for place in beside if place != directory for name in _names_in(place)]
+    taken = [int(match[1]) for match in map(pattern.match, (after, *there, *elsewhere)) if match]
     number = max(taken, default=0) + 1
     while True:
         try:
             return DurableFile(directory / f"run-{tag}-{number:04d}.mcap")
         except FileExistsError:
             number += 1
+
+
+def _names_in(directory: Path) -> list[str]:
+    """What lies there; nothing where nobody can tell."""
+    try:
+        return [path.name for path in directory.iterdir()]
+    except OSError:
+        return []
 
 
 def recovered_name(damaged: Path) -> Path:

@@ -308,7 +308,9 @@ class Scribe:
         continues = None
         if self._first is not None:
             continues = Continues(first=self._first, previous=self._previous, part=self._part + 1, why=why)
-        file = RunFile(names.create_next(place, names.boot_tag(), after=self._previous), self._spec, continues)
+        places = (self._plan.directory, *self._plan.fallback)
+        new = names.create_next(place, names.boot_tag(), after=self._previous, beside=places)
+        file = RunFile(new, self._spec, continues)
         self._part += 1
         self._first = self._first or file.final.name
         self._previous = file.final.name

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from played import info
+from played import Clip, Watcher, frame, info
 
-from dnb_edge.daemon.resume import Unfinished, find_unfinished
+from dnb_edge.cli.demo import write_demo_config
+from dnb_edge.config.load import load_config
+from dnb_edge.daemon import appliance
+from dnb_edge.daemon.appliance import RunOptions, run_appliance
+from dnb_edge.daemon.resume import Unfinished, find_unfinished, places_there
 from dnb_edge.record import names
 from dnb_edge.record.chain import continued
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.reader import read_run
 from dnb_edge.record.recover import recover_file
 from dnb_edge.record.writer import Recorder, RecordingSettings
+from dnb_edge.sim.rig import Rig
 from dnb_edge.values import (
     Event,
     FrameDetections,
@@ -92,7 +98,7 @@ def look(
     directory: Path, *, header: RunHeader = HEADER, after_s: float = 5.0, within_s: float = 600.0
 ) -> Unfinished | None:
     now_ns = BEGUN_NS + round(after_s * SECOND_NS)
-    return find_unfinished(directory, header, now_ns=now_ns, within_s=within_s)
+    return find_unfinished((directory,), header, now_ns=now_ns, within_s=within_s)
 
 
 def test_a_run_that_was_killed_is_found_with_all_that_it_saved(tmp_path: Path) -> None:
@@ -217,24 +223,64 @@ def test_a_run_whose_recording_lacks_frames_is_left_alone(tmp_path: Path, caplog
 def test_a_run_that_is_too_long_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Nobody waits for minutes at a start."""
     record(tmp_path, *ITEMS)
-    assert find_unfinished(tmp_path, HEADER, now_ns=BEGUN_NS + SECOND_NS, within_s=600.0, look_s=0.0) is None
+    assert find_unfinished((tmp_path,), HEADER, now_ns=BEGUN_NS + SECOND_NS, within_s=600.0, look_s=0.0) is None
     assert "too long to be gone on with" in caplog.text
 
 
-def test_a_run_that_went_on_on_another_disk_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """What is beside the failed file is not all of the race: its later laps lie elsewhere."""
-    first = record(tmp_path / "card", *ITEMS)
+def test_a_run_that_went_on_on_another_disk_is_found_there(tmp_path: Path) -> None:
+    """Its files are read in order, wherever they lie: the first on the disk that failed, the last on the stick."""
+    card, stick = tmp_path / "card", tmp_path / "stick"
+    first = record(card, *ITEMS)
     after = replace(HEADER, resumed_from=first.name.removesuffix(".part"))
-    other = record(tmp_path / "stick", found(3), header=after)
-    found_there = find_unfinished(
-        tmp_path / "card",
-        HEADER,
-        now_ns=BEGUN_NS + SECOND_NS,
-        within_s=600.0,
-        fallback=(tmp_path / "gone", tmp_path / "stick"),
+    stick.mkdir()
+    settings = RecordingSettings(directory=stick, fallback=(card,), image_fps=None, lossless=True)
+    recorder = Recorder(settings, after)
+    assert recorder.wait_saved(recorder.add_detections(found(3)))
+    recorder.abandon()
+    assert recorder.path.name != first.name
+    # A clock that was set back between them changes nothing.
+    os.utime(first, ns=(2**62, 2**62))
+    for places in ((card, stick), (stick, card)):
+        run = find_unfinished(places, HEADER, now_ns=BEGUN_NS + SECOND_NS, within_s=600.0)
+        assert run is not None
+        assert run.files == (first, recorder.path)
+        assert [one.sequence for one in run.detections()] == [0, 1, 2, 3]
+
+
+def test_of_two_disks_the_run_that_was_written_last_counts(tmp_path: Path) -> None:
+    """One that began on the stick, since the disk was gone; the older one on the disk is over."""
+    card, stick = record(tmp_path / "card", *ITEMS), record(tmp_path / "stick", *ITEMS, found(3))
+    for late, early in ((stick, card), (card, stick)):
+        os.utime(early, ns=(1, 1))
+        os.utime(late, ns=(2, 2))
+        run = find_unfinished((card.parent, stick.parent), HEADER, now_ns=BEGUN_NS + SECOND_NS, within_s=600.0)
+        assert run is not None
+        assert run.files == (late,)
+
+
+def test_what_was_cut_short_on_a_stick_is_recovered_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the next run, whose recording goes to the disk again."""
+    part = record(tmp_path / "stick", *ITEMS)
+    config = load_config(
+        write_demo_config(tmp_path, Rig(laps=1)),
+        [f"record.fallback=[{part.parent}]", f"record.directory={tmp_path / 'card'}"],
     )
-    assert found_there is None
-    assert f"it went on in {other} when its disk failed" in caplog.text
+    monkeypatch.setattr(appliance, "make_source", lambda uri, config: Clip([frame(number) for number in range(3)]))
+    monkeypatch.setattr(appliance, "make_detector", lambda *_: Watcher())
+    summary = run_appliance(config, RunOptions(source_uri="played:"))
+    assert [path.name for path in part.parent.glob("run-*.mcap*")] == [part.name.removesuffix(".part")]
+    assert summary.recording is not None
+    assert Path(summary.recording).parent == tmp_path / "card"
+
+
+def test_a_disk_that_is_away_is_passed_over(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A stick that is not plugged in is nothing to tell of; one that may not be looked at is."""
+    endless = tmp_path / ("x" * 300)
+    there = places_there(tmp_path, (tmp_path / "gone", tmp_path, endless))
+    assert there == (tmp_path,)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{endless}: not looked at for earlier runs: File name too long"
+    ]
 
 
 def test_each_process_counts_its_own_frames(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

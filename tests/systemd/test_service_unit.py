@@ -87,11 +87,14 @@ def test_a_naive_unit_would_be_noticed(tmp_path):
         ("DeviceAllow", ["char-video4linux rw", "char-ttyUSB rw", "char-ttyACM rw"]),
         ("PrivateNetwork", ["yes"]),
         ("RestrictAddressFamilies", ["AF_UNIX"]),
+        ("ReadWritePaths", ["-/media/dnb-edge"]),
+        ("ProtectSystem", ["strict"]),
         ("Environment", ["ORT_DISABLE_TELEMETRY=1"]),
     ],
 )
 def test_decisions_stand(key, values):
-    """Restarting for ever, a watchdog, two kinds of device, no network, no telemetry: what the appliance is built on."""
+    """Restarting for ever, a watchdog, two kinds of device, no network, one stick beside its own directories (no error where it
+    is not there), no telemetry: what the appliance is built on."""
     assert settings()[key] == values
 
 
