@@ -261,6 +261,7 @@ def test_of_two_disks_the_run_that_was_written_last_counts(tmp_path: Path) -> No
 def test_what_was_cut_short_on_a_stick_is_recovered_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the next run, whose recording goes to the disk again."""
     part = record(tmp_path / "stick", *ITEMS)
+    (tmp_path / "card").mkdir()
     config = load_config(
         write_demo_config(tmp_path, Rig(laps=1)),
         [f"record.fallback=[{part.parent}]", f"record.directory={tmp_path / 'card'}"],
