@@ -48,6 +48,12 @@ def thumbnails(incidents: Sequence[Incident], frames: Iterable[Frame]) -> Mappin
     return MappingProxyType(found)
 
 
+def thumbnail(frame: Frame, camera_px: PointPx) -> bytes | None:
+    """What is round `camera_px` in `frame`, as JPEG, with a ring round the point; None where the frame cannot be decoded."""
+    image = _decoded(frame)
+    return None if image is None else _cut_out(image, camera_px)
+
+
 def _decoded(frame: Frame) -> BgrImage | None:
     """The picture; None where its bytes are none."""
     if frame.bgr is not None:
