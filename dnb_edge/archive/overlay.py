@@ -22,7 +22,7 @@ from dnb_edge.values import Crossing, Event, Lap, Observation, RunSummary, Score
 class RaceFacts:
     """What a race leaves besides its events."""
 
-    frames_t_ns: tuple[int, ...]
+    frames_t_ns: Sequence[int]
     """Stamps of all frames."""
     views: ViewLog
     """How far the camera was known to have moved."""

@@ -6,6 +6,7 @@ A judge's edits that lie beside the recording are laid over its laps, unless som
 from __future__ import annotations
 
 import gc
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -23,10 +24,10 @@ from dnb_edge.record.edits import RunIdentity, read_edits
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import identity_of
 from dnb_edge.record.reader import RecordedRun, read_run
-from dnb_edge.report.run import RulesInForce, RunResult
+from dnb_edge.report.run import RulesInForce, RunResult, Sightings
 from dnb_edge.report.table import printable
 from dnb_edge.track.twin import load_twin
-from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary
+from dnb_edge.values import BgrImage, Event, Lap, Observation, RunSummary, Target
 
 """The option of every verb that shows laps of a recording."""
 
@@ -57,6 +58,8 @@ class Replayed:
     """All that were read; empty where they are not wanted."""
     marshalled: Marshalled | None = None
     """What the edits came to; None where there are none."""
+    sightings: Sightings | None = None
+    """Where the observations are that are not among `events`; None where they are all there."""
 
     def overlaid(self, edits: Sequence[Edit]) -> Overlaid:
         """This race, replayed without edits, after `edits`."""
@@ -88,6 +91,7 @@ class Replayed:
             hashes=self.hashes,
             versions=self.header.versions,
             twin=_twin(self.header.config),
+            sightings=self.sightings,
         )
 
 
@@ -98,11 +102,13 @@ def replay(
     changed: Callable[[CoreSetup], CoreSetup] | None = None,
     tell_running: bool = False,
     unfinished: bool = False,
+    compact: bool = False,
 ) -> Replayed:
     """Races the recording at `path` again, under the setup that `changed` makes of the recorded one, or under that itself.
 
     With `tell_running` its events are all that the live run said; without, they lack the running laps, which take a fifth of
     the time and change nothing else. `unfinished`: what is there of a recording that is still being written, or was cut short.
+    `compact`: observations in little room and no targets, so that a day of them fits in memory; not where there are edits.
 
     Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
     """
@@ -118,7 +124,8 @@ def replay(
     recorded = setup
     if changed is not None:
         setup = changed(recorded)
-    events, facts = _race(run, setup, tell_running=tell_running)
+    sightings = Sightings() if compact and not (log and log.edits) else None
+    events, facts = _race(run, setup, tell_running=tell_running, sightings=sightings)
     raced = Replayed(
         path=path,
         header=run.header,
@@ -131,6 +138,7 @@ def replay(
         run=identity,
         facts=facts,
         raw_laps=tuple(event for event in events if isinstance(event, Lap)),
+        sightings=sightings,
     )
     if log is None:
         return raced
@@ -154,22 +162,40 @@ def edit_warning(told: Told) -> str:
     return f"edit {edit.number} ({edit.action.value} {edit.subject}, {printable(edit.author)}): {told.text}"
 
 
-def _race(run: RecordedRun, setup: CoreSetup, *, tell_running: bool) -> tuple[tuple[Event, ...], RaceFacts]:
-    """All that the core says, with the run's summary, and what there is to know of the frames."""
+def _race(
+    run: RecordedRun, setup: CoreSetup, *, tell_running: bool, sightings: Sightings | None
+) -> tuple[tuple[Event, ...], RaceFacts]:
+    """All that the core says, with the run's summary, and what there is to know of the frames; see `replay` on `sightings`."""
     core = Core(setup, tell_running=tell_running)
     events: list[Event] = []
-    frames_t_ns: list[int] = []
+    frames_t_ns = array("q")
     views = ViewLog(setup.track.centreline, camera_gap_s=setup.camera_gap_s)
     with _without_collector():
         for detections in run.race_detections():
             frames_t_ns.append(detections.t_ns)
             views.frame(detections.t_ns, detections.view_moved_m)
-            events += core.step(detections)
-        events += core.finish()
+            told = core.step(detections)
+            events += told if sightings is None else _set_apart(told, sightings)
+        told = core.finish()
+        events += told if sightings is None else _set_apart(told, sightings)
     found = {event.t_ns for event in events if isinstance(event, Observation)}
     laps = sum(isinstance(event, Lap) for event in events)
-    summary = RunSummary(frames=len(frames_t_ns), detected_frames=len(found), laps=laps, recording=str(run.path))
-    return (*events, summary), RaceFacts(frames_t_ns=tuple(frames_t_ns), views=views, results=core.results())
+    summary = RunSummary(
+        frames=len(frames_t_ns),
+        detected_frames=len(found) if sightings is None else sightings.frames,
+        laps=laps,
+        recording=str(run.path),
+    )
+    return (*events, summary), RaceFacts(frames_t_ns=frames_t_ns, views=views, results=core.results())
+
+
+def _set_apart(events: Sequence[Event], sightings: Sightings) -> Iterator[Event]:
+    """The events but for observations, which go into `sightings`, and targets."""
+    for event in events:
+        if isinstance(event, Observation):
+            sightings.add(event)
+        elif not isinstance(event, Target):
+            yield event
 
 
 @contextmanager

@@ -216,6 +216,14 @@ def iter_frames(path: Path) -> Iterator[Frame]:
                 yield frame
 
 
+def iter_told(path: Path, kind: type[T]) -> Iterator[T]:
+    """The recorded events of one kind, such as `Health`, of all files of the recording, in order. Raises InputError."""
+    topic = EVENT_TOPICS[kind]
+    for file in (*chain_of(read_head(path)).earlier, path):
+        for _, message in _messages(LinearReader(file, topics=(topic,))):
+            yield _decoded(file, topic, kind, message.data, message.log_time)
+
+
 def _file_frames(path: Path, *, whole: bool) -> Iterator[Frame]:
     note: ImageNote | None = None
     reader = LinearReader(path, topics=(IMAGE_NOTE_TOPIC, IMAGE_TOPIC))

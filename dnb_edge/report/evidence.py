@@ -5,6 +5,8 @@ Knows incidents and recorded pictures; knows no recording and no page.
 
 from __future__ import annotations
 
+import heapq
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
@@ -15,6 +17,9 @@ from dnb_edge.values import BgrImage, Frame, Incident, PointPx
 
 NEAR_S = 0.5
 """A picture further from the moment than this shows something else, seconds."""
+
+MOST = 48
+"""So many incidents get a picture: those in which the car was farthest off, or which lasted longest."""
 
 SHARE = 0.22
 """Width of the cut-out as a share of the picture's width."""
@@ -29,15 +34,17 @@ _RING = (0, 140, 255)
 def thumbnails(incidents: Sequence[Incident], frames: Iterable[Frame]) -> Mapping[tuple[int, int], bytes]:
     """JPEG thumbnails by (car, number) of the incident, of those of which a picture was kept near their worst moment.
 
-    `frames` are looked through once, in their order; of each incident the nearest picture is decoded, no other.
+    `frames` are looked through once, in their order; of each incident the nearest picture is decoded, no other. Where there are
+    more than `MOST` incidents, the lesser ones get none.
     """
-    wanted = [one for one in incidents if one.camera_px is not None]
+    placed = [one for one in incidents if one.camera_px is not None]
+    wanted = sorted(heapq.nlargest(MOST, placed, key=_weight), key=_worst_t_ns)
     nearest: dict[tuple[int, int], tuple[int, Frame]] = {}
     for frame in frames if wanted else ():
-        for one in wanted:
+        for one in _near(wanted, frame.t_ns):
             away_ns = abs(frame.t_ns - one.worst_t_ns)
             key = (one.car, one.number)
-            if away_ns <= NEAR_S * 1e9 and (key not in nearest or away_ns < nearest[key][0]):
+            if key not in nearest or away_ns < nearest[key][0]:
                 nearest[key] = (away_ns, frame)
     found = {}
     for one in wanted:
@@ -46,6 +53,21 @@ def thumbnails(incidents: Sequence[Incident], frames: Iterable[Frame]) -> Mappin
         if image is not None and one.camera_px is not None:
             found[one.car, one.number] = _cut_out(image, one.camera_px)
     return MappingProxyType(found)
+
+
+def _weight(incident: Incident) -> tuple[float, float]:
+    return incident.greatest_m or 0.0, incident.lasted_s
+
+
+def _worst_t_ns(incident: Incident) -> int:
+    return incident.worst_t_ns
+
+
+def _near(incidents: Sequence[Incident], t_ns: int) -> Sequence[Incident]:
+    """Those whose worst moment is no further from `t_ns` than `NEAR_S`, of incidents in the order of that."""
+    away_ns = round(NEAR_S * 1e9)
+    first = bisect_left(incidents, t_ns - away_ns, key=_worst_t_ns)
+    return incidents[first : bisect_right(incidents, t_ns + away_ns, key=_worst_t_ns)]
 
 
 def thumbnail(frame: Frame, camera_px: PointPx) -> bytes | None:

@@ -6,7 +6,7 @@ line fills a `RunResult` from a live run or from a recording alike.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeAlias
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled
+from dnb_edge.report.health import HealthHistory
 from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.values import (
     BgrImage,
@@ -26,7 +27,6 @@ from dnb_edge.values import (
     Incident,
     Lap,
     Observation,
-    PointM,
     Points,
     RunSummary,
     Score,
@@ -45,6 +45,75 @@ class StampedPath:
     """(n,), rising."""
     track_m: Points
     """(n, 2), track m."""
+
+
+class Sightings:
+    """Where and when cars were seen: what a path needs of observations, in a fiftieth of their room."""
+
+    _NOBODY = -1
+    """Stands for no target in the column; the ids of targets are not negative."""
+
+    def __init__(self, observations: Iterable[Observation] = ()) -> None:
+        """Takes in the `observations`."""
+        self._t_ns, self._target = array("q"), array("q")
+        self._x_m, self._y_m = array("d"), array("d")
+        for observation in observations:
+            self.add(observation)
+
+    def __len__(self) -> int:
+        """Number of observations."""
+        return len(self._t_ns)
+
+    def add(self, observation: Observation) -> None:
+        """Takes in one more."""
+        x_m, y_m = observation.track_m
+        self._t_ns.append(observation.t_ns)
+        self._x_m.append(x_m)
+        self._y_m.append(y_m)
+        self._target.append(self._NOBODY if observation.target_id is None else observation.target_id)
+
+    @property
+    def frames(self) -> int:
+        """In how many frames anything was seen."""
+        return len(np.unique(np.frombuffer(self._t_ns, dtype=np.int64))) if self._t_ns else 0
+
+    def sorted(self) -> SortedSightings:
+        """The same as arrays in the order of time; of one instant in that of their taking in."""
+        t_ns = np.array(self._t_ns, dtype=np.int64)
+        order = np.argsort(t_ns, kind="stable")
+        return SortedSightings(
+            t_ns=t_ns[order],
+            track_m=np.column_stack((np.array(self._x_m), np.array(self._y_m)))[order].reshape(-1, 2),
+            target_id=np.array(self._target, dtype=np.int64)[order],
+            known=np.array(self._target, dtype=np.int64)[order] != self._NOBODY,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SortedSightings:
+    """What was seen, in the order of time."""
+
+    t_ns: Stamps
+    """(n,)."""
+    track_m: Points
+    """(n, 2), track m."""
+    target_id: NDArray[np.int64]
+    """(n,), where `known`."""
+    known: NDArray[np.bool_]
+    """(n,), whether it is known what target it was."""
+
+    def between(self, start_t_ns: int, end_t_ns: int, drivers: Iterable[int]) -> StampedPath:
+        """The path of what was seen later than the one instant and earlier than the other, each instant once; of no other
+        targets than `drivers`, as far as the targets are known, and of all where there are none."""
+        first = int(np.searchsorted(self.t_ns, start_t_ns, side="right"))
+        part = slice(first, max(first, int(np.searchsorted(self.t_ns, end_t_ns, side="left"))))
+        t_ns, track_m = self.t_ns[part], self.track_m[part]
+        wanted = list(drivers)
+        if wanted:
+            mine = ~self.known[part] | np.isin(self.target_id[part], wanted)
+            t_ns, track_m = t_ns[mine], track_m[mine]
+        new = np.diff(t_ns, prepend=t_ns[:1] - 1) > 0
+        return StampedPath(t_ns=t_ns[new], track_m=track_m[new])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +179,12 @@ class RunResult:
     """Versions of the software that took part, by name."""
     twin: BgrImage | None = None
     """The twin's picture, at the scale of `track.scale`."""
+    health: HealthHistory | None = None
+    """How the appliance did; None where it told nothing."""
+    began: str | None = None
+    """When the first frame was, in words; None where no clock told."""
+    chosen: tuple[tuple[int, int], ...] = ()
+    """Laps that somebody wants to look at, by (car, number)."""
 
     def __post_init__(self) -> None:
         if len(self.paths_m) != len(self.laps):
@@ -118,12 +193,29 @@ class RunResult:
             raise ValueError(f"run of {self.entry!r}: the stamps do not go with the paths, point by point")
 
     @classmethod
-    def from_events(cls, events: Iterable[Event], *, entry: str, source_uri: str, track: Track, **facts: Any) -> Self:
-        """The result of a run that said `events`; `facts` are further fields (`twin`, `config`, ...)."""
-        kept = tuple(events)
+    def from_events(
+        cls,
+        events: Iterable[Event],
+        *,
+        entry: str,
+        source_uri: str,
+        track: Track,
+        sightings: Sightings | None = None,
+        **facts: Any,
+    ) -> Self:
+        """The result of a run that said `events`; `facts` are further fields (`twin`, `config`, ...).
+
+        Observations that are not among the events any more are in `sightings`.
+        """
+        seen = Sightings() if sightings is None else sightings
+        kept: list[Event] = []
+        for event in events:
+            if isinstance(event, Observation):
+                seen.add(event)
+            else:
+                kept.append(event)
         laps = tuple(event for event in kept if isinstance(event, Lap))
         crossings = tuple(event for event in kept if isinstance(event, Crossing))
-        observations = tuple(event for event in kept if isinstance(event, Observation))
         gathered: dict[str, Any] = {
             "warnings": tuple(dict.fromkeys(text for one in kept if isinstance(one, Health) for text in one.warnings))
         }
@@ -134,7 +226,7 @@ class RunResult:
                     "detected_frames": event.detected_frames,
                     "recording": event.recording,
                 }
-        paths = stamped_paths(laps, observations, crossings)
+        paths = stamped_paths(laps, seen, crossings)
         return cls(
             entry=entry,
             source_uri=source_uri,
@@ -161,14 +253,14 @@ class RunResult:
 
 
 def lap_paths(
-    laps: Sequence[Lap], observations: Sequence[Observation], crossings: Sequence[Crossing] = ()
+    laps: Sequence[Lap], observations: Iterable[Observation], crossings: Sequence[Crossing] = ()
 ) -> tuple[Points, ...]:
     """The points of `stamped_paths`."""
     return tuple(path.track_m for path in stamped_paths(laps, observations, crossings))
 
 
 def stamped_paths(
-    laps: Sequence[Lap], observations: Sequence[Observation], crossings: Sequence[Crossing] = ()
+    laps: Sequence[Lap], observations: Sightings | Iterable[Observation], crossings: Sequence[Crossing] = ()
 ) -> tuple[StampedPath, ...]:
     """The driven path of each lap in the order of time: from the crossing that began the lap, over what was seen of the car, to
     the crossing that ended it, each instant once.
@@ -176,12 +268,11 @@ def stamped_paths(
     Where the crossings say which target drove the lap, other targets' observations are left out.
     """
     at = {(crossing.car, crossing.t_ns): crossing for crossing in crossings if crossing.line in _LAP_LINES}
-    ordered = sorted(observations, key=_t_ns)
+    seen = (observations if isinstance(observations, Sightings) else Sightings(observations)).sorted()
     paths = []
     for lap in laps:
-        first, last = bisect_right(ordered, lap.start_t_ns, key=_t_ns), bisect_left(ordered, lap.end_t_ns, key=_t_ns)
         ends = [at.get((lap.car, t_ns)) for t_ns in (lap.start_t_ns, lap.end_t_ns)]
-        paths.append(_path(ordered[first:last], [crossing for crossing in ends if crossing is not None]))
+        paths.append(_path(seen, lap, ends))
     return tuple(paths)
 
 
@@ -189,17 +280,20 @@ _LAP_LINES = (START_LINE, FINISH_LINE)
 """Lines at which laps begin and end."""
 
 
-def _t_ns(observation: Observation) -> int:
-    return observation.t_ns
+def _path(seen: SortedSightings, lap: Lap, ends: Sequence[Crossing | None]) -> StampedPath:
+    """The path over what was seen in `lap` and the crossings at its `ends`, as far as they are known."""
+    drivers = {crossing.target_id for crossing in ends if crossing is not None}
+    path = seen.between(lap.start_t_ns, lap.end_t_ns, drivers)
+    first, last = ends
+    return StampedPath(
+        t_ns=np.concatenate([_stamp(first), path.t_ns, _stamp(last)]),
+        track_m=np.concatenate([_place(first), path.track_m, _place(last)]),
+    )
 
 
-def _path(observations: Sequence[Observation], ends: Sequence[Crossing]) -> StampedPath:
-    """The path over the `observations` made meanwhile and the crossings at its `ends`, as far as they are known."""
-    drivers = {crossing.target_id for crossing in ends}
-    seen: dict[int, PointM] = {}
-    for observation in observations:
-        if not drivers or observation.target_id is None or observation.target_id in drivers:
-            seen.setdefault(observation.t_ns, observation.track_m)
-    seen |= {crossing.t_ns: crossing.track_m for crossing in ends}
-    t_ns = sorted(seen)
-    return StampedPath(t_ns=np.array(t_ns, dtype=np.int64), track_m=path_points([seen[one] for one in t_ns]))
+def _stamp(crossing: Crossing | None) -> Stamps:
+    return np.array([] if crossing is None else [crossing.t_ns], dtype=np.int64)
+
+
+def _place(crossing: Crossing | None) -> Points:
+    return path_points([] if crossing is None else [crossing.track_m])
