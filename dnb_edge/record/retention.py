@@ -20,6 +20,8 @@ from dnb_edge.record.room import Room, Statvfs, room_of
 
 DAMAGED_SUFFIX = ".damaged"
 PIN_SUFFIX = ".pin"
+LABEL_SUFFIX = ".label.json"
+"""Of the file beside a recording that says what people call it; goes with it."""
 
 MORE_THAN_KEPT = 1.25
 """Room is made as soon as there is less than this many times what is kept free, before anything stops being recorded."""
@@ -183,6 +185,11 @@ def unpin(recording: Path) -> Path:
     return beside
 
 
+def has_own_name(recording: Path) -> bool:
+    """Whether it has a name that this software gives: what somebody renamed is never deleted by itself."""
+    return _STEM.match(recording.name) is not None
+
+
 def _pin_of(recording: Path) -> Path:
     if not recording.is_file():
         raise InputError(f"{recording}: there is no such recording")
@@ -237,17 +244,17 @@ def _stored(name: str, paths: list[Path]) -> StoredRun | None:
     )
     if not recordings:
         return None
-    edits = [path for path in paths if path.name == f"{name}.edits.jsonl"]
+    beside = [path for path in paths if path.name in (f"{name}.edits.jsonl", f"{name}{LABEL_SUFFIX}")]
     pictures_bytes = sum(map(_size, pictures))
     return StoredRun(
         name=name,
-        files=(*recordings, *edits, *pictures),
+        files=(*recordings, *beside, *pictures),
         pictures=tuple(pictures),
-        size_bytes=sum(map(_size, (*recordings, *edits))) + pictures_bytes,
+        size_bytes=sum(map(_size, (*recordings, *beside))) + pictures_bytes,
         pictures_bytes=pictures_bytes,
         changed_ns=max(map(_changed_ns, recordings)),
         pinned=any(path.name == name + PIN_SUFFIX for path in paths),
-        live=any(_is_locked(path) for path in recordings),
+        live=any(is_locked(path) for path in recordings),
     )
 
 
@@ -266,7 +273,7 @@ def _changed_ns(path: Path) -> int:
         return 0
 
 
-def _is_locked(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
     """Whether a recorder, or a recovery, has it; True also where that cannot be found out, or it was only just begun."""
     if path.name.endswith(PART_SUFFIX) and _size(path) == 0:
         return True

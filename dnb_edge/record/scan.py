@@ -250,6 +250,17 @@ def has_chunk_behind(path: Path, offset: int) -> bool:
         return next_chunk(stream, offset, path.stat().st_size, _is_whole) is not None
 
 
+def chunk_records(body: bytes, tally: Tally) -> tuple[Record, ...]:
+    """What one chunk holds, by its record's body, as `LinearReader` gives it out: of the messages those that `tally` wants.
+
+    For those who know by an index which chunk they want. Raises ValueError where anything in it is wrong.
+    """
+    try:
+        return tuple(_chunk_records(_parse_chunk(body), tally))
+    except _BadRecord as error:
+        raise ValueError(str(error)) from error
+
+
 def _is_whole(body: bytes) -> bool:
     """Whether a chunk's body is what was written."""
     try:
