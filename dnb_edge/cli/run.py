@@ -12,17 +12,20 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from dnb_edge import __version__
 from dnb_edge.assembly import check_checkpoint
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.keep_trying import keep_trying
 from dnb_edge.daemon.last_good import LastGood
+from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.resume import RESUME_WITHIN_S
 from dnb_edge.daemon.sinks import JsonSink, LiveJsonSink
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
 from dnb_edge.errors import InputError
+from dnb_edge.live.server import LiveServer
 from dnb_edge.values import RunSummary
 
 SYSTEM_CONFIG = Path("/etc/dnb-edge/dnb-edge.yaml")
@@ -70,6 +73,14 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume/--no-resume", help="Whether to go on with a race that was cut short.")
     ] = True,
+    live: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Unix socket by which other processes on this box follow the race (`dnb-edge web`). Default: live.sock in "
+            "$RUNTIME_DIRECTORY, as a service; else none.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")
     ] = False,
@@ -83,7 +94,7 @@ def run(
     """
     changes = [*(overrides or []), *_shorthands(laps, model, entry)]
 
-    def attempt(notifier: ServiceNotifier) -> None:
+    def attempt(notifier: ServiceNotifier, server: LiveServer | None) -> None:
         config, fault = _config_or_last_good(config_file, changes, last_good)
         options = RunOptions(
             source_uri=_source_uri(source, config),
@@ -93,24 +104,43 @@ def run(
             config_fault=fault,
             resume_within_s=resume_within if resume else 0.0,
         )
-        _race(config, options, notifier, as_json=as_json, observations=observations)
+        live_run = None if server is None else LiveRun(server)
+        if live_run is not None:
+            live_run.starts(options.source_uri)
+        _race(config, options, notifier, live_run, as_json=as_json, observations=observations)
 
-    keep_trying(attempt, ServiceNotifier())
+    path = live if live is not None else _service_socket()
+    with nullcontext() if path is None else LiveServer(path, version=__version__) as server:
+        keep_trying(lambda notifier: attempt(notifier, server), ServiceNotifier())
+
+
+def _service_socket() -> Path | None:
+    """Where the socket is as a service: in the directory that the service manager made; None where there is none."""
+    given = os.environ.get("RUNTIME_DIRECTORY", "").split(":")[0]
+    return Path(given) / "live.sock" if given else None
 
 
 LIVE_SCHEMES = ("v4l2:", "libcamera:")
 """Sources that lose frames where anybody makes them wait."""
 
 
-def _race(config: Config, options: RunOptions, notifier: ServiceNotifier, *, as_json: bool, observations: bool) -> None:
+def _race(
+    config: Config,
+    options: RunOptions,
+    notifier: ServiceNotifier,
+    live: LiveRun | None,
+    *,
+    as_json: bool,
+    observations: bool,
+) -> None:
     """One run with its listeners: JSON lines, or the board."""
     if as_json:
         with _json_lines(options.source_uri, observations=observations) as lines:
-            run_appliance(config, options, listeners=[lines], notifier=notifier)
+            run_appliance(config, options, listeners=[lines], notifier=notifier, live=live)
         return
     console = BoardConsole(markup=False)
     with TerminalDisplay(console) as board:
-        summary = run_appliance(config, options, displays=[board], notifier=notifier)
+        summary = run_appliance(config, options, displays=[board], notifier=notifier, live=live)
     if board.stuck:
         # The recording is finished, and Python would wait for the terminal for ever.
         os._exit(1)

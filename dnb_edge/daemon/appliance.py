@@ -26,6 +26,7 @@ from dnb_edge.daemon.catchup import ResumedCore
 from dnb_edge.daemon.drift import make_watch
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.last_good import LastGood
+from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.log_aside import log_aside
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.machine import MachineWatch
@@ -84,11 +85,12 @@ def run_appliance(
     listeners: Sequence[Sink] = (),
     displays: Sequence[Display] = (),
     notifier: ServiceNotifier | None = None,
+    live: LiveRun | None = None,
 ) -> RunSummary:
     """Runs one race and returns its summary once the recording is finished and synced.
 
-    `listeners` hear the summary as their last event. Raises `InputError` before anything is written where the input is
-    wrong, `WorkError` at the end where the recording failed.
+    `listeners` hear the summary as their last event; `live` tells other processes on the box of the race. Raises `InputError`
+    before anything is written where the input is wrong, `WorkError` at the end where the recording failed.
     """
     notifier = ServiceNotifier() if notifier is None else notifier
     notifier.status("starting")
@@ -114,9 +116,9 @@ def run_appliance(
         board = BoardSink(
             shown, notifier, rooms.assembly.setup.laps.laps, first_t_ns=None if earlier is None else earlier.first_t_ns
         )
-        for event in () if earlier is None else earlier.shown:
-            board.event(event)
-        watching: list[Sink] = [board, *listeners]
+        shows: list[Sink] = [board, *_elsewhere(live, rooms, source.info, recorder)]
+        _tell_again(earlier, shows)
+        watching: list[Sink] = [*shows, *listeners]
         # The recording comes first, so that what is shown has already been handed to the disk.
         recording: list[Sink] = [] if recorder is None else [RecordSink(recorder)]
         machine = MachineWatch(lambda: None if recorder is None else recorder.path.parent)
@@ -246,6 +248,21 @@ def _recover(directory: Path, *, leave: Sequence[Path]) -> None:
             log.warning("recovered %s from an earlier run: %d laps", result.path, result.laps)
         else:
             log.warning("not recovered: %s", result.reason)
+
+
+def _elsewhere(live: LiveRun | None, rooms: _Rooms, info: SourceInfo, recorder: Recorder | None) -> tuple[Sink, ...]:
+    """Whoever tells other processes of the race, which begins now."""
+    if live is None:
+        return ()
+    live.races(rooms.assembly.setup, info, None if recorder is None else recorder.path)
+    return (live.sink,)
+
+
+def _tell_again(earlier: Unfinished | None, sinks: Sequence[Sink]) -> None:
+    """What the run that is gone on with had told already."""
+    for event in () if earlier is None else earlier.shown:
+        for sink in sinks:
+            sink.event(event)
 
 
 def _finish(recorder: Recorder | None) -> tuple[str | None, WorkError | None]:

@@ -28,6 +28,8 @@ class Phase(StrEnum):
     """A run is on: frames are raced and recorded."""
     SETUP = "setup"
     """There is a camera and no track to race on yet, or somebody aims: pictures only."""
+    FINISHED = "finished"
+    """The run came to its end and another one is awaited: pictures only."""
     FAULT = "fault"
     """It cannot start, and tries again by itself; `reason` says why."""
 
@@ -43,7 +45,7 @@ class Hello:
     next_sequence: int
     """The number of the event that comes next."""
     first_sequence: int
-    """The oldest event that is still kept; where it is later than what a client has, the client begins anew."""
+    """From this number on all lasting events are kept; where it is later than what a client has, the client begins anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +88,8 @@ class State:
     laps_wanted: int | None = None
     scenery: Scenery | None = None
     """What a board needs to draw the race; None outside a race."""
+    first_sequence: int = 0
+    """Number of the latest run's first event: those before it are of runs before, which nobody keeps here."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
