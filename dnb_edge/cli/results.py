@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from dnb_edge.archive.replayed import replay
+from dnb_edge.archive.reported import reported
 from dnb_edge.archive.rescore import Wanted
 from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.errors import InputError
 from dnb_edge.record.chain import continued
 from dnb_edge.record.durable import PART_SUFFIX
-from dnb_edge.record.reader import iter_frames
-from dnb_edge.report.evidence import thumbnails
 
 Runs = Annotated[list[Path], typer.Argument(help="Recordings (.mcap), or directories of them.", metavar="RUN...")]
 
@@ -72,9 +69,7 @@ def make_report(run: Path, out: Path | None, *, edits: bool = True, wanted: Want
     """
     from dnb_edge.report.html import write_report  # noqa: PLC0415 Matplotlib is slow to import
 
-    result = replay(run, edits=edits, changed=None if wanted is None else wanted.change(run)).result()
-    if result.incidents:
-        result = replace(result, thumbnails=thumbnails(result.incidents, iter_frames(run)))
+    result = reported(run, edits=edits, wanted=wanted).result
     return write_report(result, out if out is not None else run.parent, file_name=f"{run.stem}.html")
 
 

@@ -6,7 +6,7 @@ s_m where a closed route's lap begins at s_m = 0, and on beyond the route's leng
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,10 +53,13 @@ def drawn_laps(laps: Sequence[Lap], most: int = DRAWN_LAPS) -> tuple[int, ...]:
 
 def laps_along(result: RunResult) -> tuple[LapAlong, ...]:
     """The laps that pictures show, in order."""
+    return laps_at(result, drawn_laps(result.laps))
+
+
+def laps_at(result: RunResult, indices: Iterable[int]) -> tuple[LapAlong, ...]:
+    """The laps at these places of `RunResult.laps`."""
     best = set(best_laps(result.laps).values())
-    return tuple(
-        LapAlong(index=i, lap=result.laps[i], best=i in best, trace=_trace(result, i)) for i in drawn_laps(result.laps)
-    )
+    return tuple(LapAlong(index=i, lap=result.laps[i], best=i in best, trace=_trace(result, i)) for i in indices)
 
 
 def lap_start_m(track: Track) -> float:

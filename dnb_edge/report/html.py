@@ -15,11 +15,11 @@ from typing import Any
 
 from dnb_edge.errors import InputError
 from dnb_edge.race.standings import official_s
-from dnb_edge.report import plots
-from dnb_edge.report.along import best_laps, drawn_laps
-from dnb_edge.report.along_plots import along_picture, compared
+from dnb_edge.report.along import best_laps
+from dnb_edge.report.figures import ReportFigure, Section, report_figures
 from dnb_edge.report.files import write_whole
-from dnb_edge.report.lap_style import lap_name, time_words
+from dnb_edge.report.health_section import health_section
+from dnb_edge.report.lap_style import lap_name
 from dnb_edge.report.lap_table import lap_table
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.race import race_sections
@@ -70,60 +70,26 @@ def render(result: RunResult) -> str:
 
 def _pictures(result: RunResult) -> str:
     """The sections with pictures; those without anything to show are left out."""
-    several = result.several_cars
-    drawn = [result.laps[i] for i in drawn_laps(result.laps)]
-    lap_list = ", ".join(f"{lap_name(lap, several=several)} {time_words(lap)}" for lap in drawn) or "no complete lap"
-    left_out = _left_out(len(result.laps), len(drawn))
-    sectors = len(result.track.sector_lines)
-    sector_names = f" S1{f' to S{sectors}' if sectors > 1 else ''}: where sectors end." if sectors else ""
-    parts = [
-        "<section>\n<h2>Driven path</h2>",
-        _figure(
-            plots.path_picture(result),
-            f"Map of the track with the driven path of each lap: {lap_list}",
-            f"The car's ground point on the track, each lap from line to line.{sector_names}{left_out}",
-        ),
+    parts: dict[Section, list[str]] = {section: [] for section in Section}
+    for figure in report_figures(result):
+        parts[figure.section].append(_figure(figure))
+    health = parts.pop(Section.HEALTH)
+    sections = [
+        f"<section>\n<h2>{text(name)}</h2>\n{_laid(shown)}\n</section>" for name, shown in parts.items() if shown
     ]
-    worst, off = plots.farthest_off(result), plots.off_picture(result)
-    if worst is not None and off is not None:
-        name = lap_name(worst.lap, several=several)
-        parts.append(
-            _figure(
-                off,
-                f"Map of the track with the path of {name}, coloured by its distance from the centreline",
-                f"Where it was off: {name}, of the drawn laps the one that was farthest from the centreline. "
-                "Dotted: not seen.",
-            )
-        )
-    parts.append("</section>")
-    along = along_picture(result)
-    if along is not None:
-        behind = " Below: how far behind its car's best valid lap at the same place." if compared(result) else ""
-        parts += [
-            "<section>\n<h2>Along the route</h2>",
-            _figure(
-                along,
-                f"Speed, lateral error and time lost of each lap along the route: {lap_list}",
-                "Above: speed along the route. Then: how far to the left of the centreline the ground point was; grey lies "
-                f"beyond the lane's edges, the ring marks the greatest excursion.{behind} Gaps: not seen.{left_out}",
-            ),
-            "</section>",
-        ]
-    bars = _left_out(len(result.laps), len(drawn_laps(result.laps, plots.TIMED_LAPS)))
-    times = _figure(plots.lap_times_picture(result), f"Bars of the lap times: {lap_list}", bars)
-    return "\n".join([*parts, "<section>\n<h2>Lap times</h2>", times, "</section>"])
+    return "\n".join([*sections, health_section(result.health, "\n".join(health))])
 
 
-def _left_out(laps: int, drawn: int) -> str:
-    """What to say where not all laps are drawn."""
-    if drawn == laps:
-        return ""
-    return f" Drawn are {drawn} of {laps} laps, the best ones and the last ones; {laps - drawn} are left out."
+def _laid(figures: Sequence[str]) -> str:
+    """Figures one below the other, halves side by side where the page is wide enough."""
+    return f'<div class="figures">\n{"".join(figures)}</div>'
 
 
-def _figure(picture: bytes, alt: str, caption: str) -> str:
-    said = f"<figcaption>{text(caption.strip())}</figcaption>\n" if caption else ""
-    return f'<figure>\n<img alt="{text(alt)}" src="{data_uri(picture)}">\n{said}</figure>'
+def _figure(figure: ReportFigure) -> str:
+    said = f"<figcaption>{text(figure.caption)}</figcaption>\n" if figure.caption else ""
+    kind = ' class="half"' if figure.half else ""
+    picture = data_uri(figure.draw("png"))
+    return f'<figure{kind}>\n<img alt="{text(figure.alt)}" src="{picture}">\n{said}</figure>\n'
 
 
 def _facts(result: RunResult) -> str:
@@ -145,6 +111,8 @@ def _driver_facts(result: RunResult) -> list[tuple[str, str]]:
         facts += [(name, fact) for name, fact in told.items() if fact]
     if result.session is not None:
         facts.append(("Session", result.session))
+    if result.began is not None:
+        facts.append(("Began", result.began))
     facts += [
         ("Source", result.source_uri),
         ("Track", f"{result.track.name}, route of {result.track.centreline.length_m:.3f} m"),

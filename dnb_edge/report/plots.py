@@ -7,15 +7,14 @@ our own words, never a user's text. Knows no page and no file. What is drawn alo
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from dnb_edge.report.along import LapAlong, drawn_laps, laps_along
-from dnb_edge.report.lap_style import DPI, HALO, INK, PAPER, QUIET, colour, lap_label, lap_name, legend, line_style
+from dnb_edge.report.coloured import lateral_picture, lateral_shade
+from dnb_edge.report.lap_style import DPI, INK, PAPER, QUIET, colour, lap_label, lap_name, legend, line_style
 from dnb_edge.report.picture import PictureFormat, encoded
 from dnb_edge.report.run import RunResult
 from dnb_edge.report.track_map import track_map
-from dnb_edge.score.profile import UNSEEN_S
 
 TIMED_LAPS = 40
 """So many bars of lap times fit on a screen."""
@@ -45,33 +44,8 @@ def off_picture(result: RunResult, *, picture_format: PictureFormat = "png") -> 
     worst = farthest_off(result)
     if worst is None or worst.trace is None:
         return None
-    trace = worst.trace
-    path_px = result.track.scale.to_twin_px(trace.track_m)
-    base = track_map(result.track, result.twin, [path_px])
-    apart_m = np.abs(trace.d_m)
-    steps = np.stack([path_px[:-1], path_px[1:]], axis=1)
-    seen = np.diff(trace.t_s) <= UNSEEN_S
-    base.axes.add_collection(LineCollection(list(steps[~seen]), colors=QUIET, linestyles="dotted", zorder=3))
-    lines = LineCollection(list(steps[seen]), cmap="plasma_r", linewidths=4.0, capstyle="round", zorder=3.2)
-    lines.set_array(0.5 * (apart_m[:-1] + apart_m[1:])[seen])
-    lines.set_clim(0.0, max(float(apart_m.max()), 1e-3))
-    base.axes.add_collection(lines)
-    base.figure.colorbar(
-        lines, ax=base.axes, location="bottom", shrink=0.5, aspect=40, pad=0.01, label="from the centreline (m)"
-    )
-    u, v = path_px[int(np.argmax(apart_m))]
-    base.axes.plot(u, v, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.6, zorder=5)
-    base.axes.annotate(
-        f"{apart_m.max():.3f} m",
-        (u, v),
-        (12, 12),
-        textcoords="offset points",
-        fontsize=10,
-        color=INK,
-        path_effects=HALO,
-        zorder=5,
-    )
-    return encoded(base.figure, picture_format)
+    shade = lateral_shade([worst.trace])
+    return lateral_picture(result, worst.trace, shade, width_in=None, picture_format=picture_format)
 
 
 def lap_times_picture(result: RunResult, *, picture_format: PictureFormat = "png") -> bytes:

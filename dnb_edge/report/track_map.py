@@ -32,14 +32,18 @@ class TrackMap:
     axes: Axes
 
 
-def track_map(track: Track, twin: BgrImage | None, paths_px: Sequence[Points]) -> TrackMap:
-    """The map with room for `paths_px`, each (n, 2), twin px."""
+def track_map(
+    track: Track, twin: BgrImage | None, paths_px: Sequence[Points], *, width_in: float | None = None
+) -> TrackMap:
+    """The map with room for `paths_px`, each (n, 2), twin px; `width_in` inches wide, or as fits a page."""
     edges_px = _lane_edges_px(track)
     closed = track.centreline.closed
     ends_px = [_ends_px(track, line) for line in track.lines]
     low, high = _frame_px([*edges_px, *paths_px, *ends_px])
     width_px, height_px = high - low
-    figure = Figure(figsize=_figure_size(width_px / height_px), dpi=DPI, facecolor=PAPER, layout="constrained")
+    figure = Figure(
+        figsize=_figure_size(width_px / height_px, width_in), dpi=DPI, facecolor=PAPER, layout="constrained"
+    )
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -62,9 +66,9 @@ def round_length_m(length_m: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= length_m * (1 + 1e-9))
 
 
-def _figure_size(width_to_height: float) -> tuple[float, float]:
-    """Inches: 9 wide, or less for tall tracks, with room for the legend."""
-    width = 9.0 if width_to_height > 0.9 else 7.0
+def _figure_size(width_to_height: float, width_in: float | None) -> tuple[float, float]:
+    """Inches: 9 wide where nothing else is wanted, or less for tall tracks, with room for the legend."""
+    width = width_in or (9.0 if width_to_height > 0.9 else 7.0)
     return width, min(max(width / width_to_height, 2.5), 9.0) + 0.6
 
 

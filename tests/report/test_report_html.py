@@ -59,7 +59,7 @@ def test_the_page_asks_nobody_for_anything(result: Callable[..., RunResult]) -> 
     """All pictures are inside, there is no script, and the policy forbids what might slip in."""
     page = render(result(calibration=CALIBRATION))
     seen = Page(page)
-    assert len(seen.links) == 4
+    assert len(seen.links) == 7
     assert all(link.startswith("data:image/png;base64,") for link in seen.links)
     assert not {"script", "link", "iframe", "object"} & set(seen.tags)
     assert "default-src 'none'" in page
