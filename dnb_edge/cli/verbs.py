@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 VERBS = {
     "demo": "demo:demo",
     "run": "run:run",
+    "web": "web:web",
     "score": "score:score",
     "table": "table:table",
     "report": "results:report",

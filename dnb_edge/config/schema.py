@@ -14,6 +14,7 @@ from dnb_edge.config.cars import CarConfig, told_apart
 from dnb_edge.config.devices import CaptureConfig, DisplayConfig, RecordConfig
 from dnb_edge.config.paths import ConfigPath, DataPath, resolve_rules
 from dnb_edge.config.sections import STRICT, Name, Number, Text, Whole, section, to_settings
+from dnb_edge.config.web import WebConfig
 from dnb_edge.motion.settings import MOST_CARS, MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, StartRules, check_together
@@ -259,6 +260,7 @@ class Config(_Section):
     motion.cars is their number."""
     record: RecordConfig = RecordConfig()
     display: DisplayConfig = DisplayConfig()
+    web: WebConfig = WebConfig()
 
     @model_validator(mode="after")
     def _one_driver(self) -> Self:

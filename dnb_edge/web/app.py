@@ -8,22 +8,21 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import asynccontextmanager
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import BaseRoute, Route
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from dnb_edge.errors import DnbEdgeError
-from dnb_edge.live.messages import Picture, State, Told
-from dnb_edge.web import login, static_files
+from dnb_edge.web import login, openapi, race, static_files
 from dnb_edge.web.box import Box, Daemon, WebSettings
-from dnb_edge.web.endpoint import Endpoint, Refused
+from dnb_edge.web.daemon_line import DaemonLine
+from dnb_edge.web.endpoint import API, Endpoint, Refused
 from dnb_edge.web.guard import Guard, security_headers
 from dnb_edge.web.guard_answers import Answers
 from dnb_edge.web.guard_door import Door
@@ -32,9 +31,12 @@ from dnb_edge.web.guard_rates import Limits
 from dnb_edge.web.pages import TemplatePages
 from dnb_edge.web.sessions import Sessions
 from dnb_edge.web.static_files import StaticFiles
+from dnb_edge.web.stream import Live
 
 FEATURES = ("board", "runs", "downloads", "setup", "judge")
 """Modules of this room with endpoints(box)."""
+LIVE = f"{API}/live"
+"""The one address that is a WebSocket's."""
 
 
 def make_app(
@@ -47,24 +49,35 @@ def make_app(
     """The application. `daemon`: another one than the one behind `settings.socket`, for tests."""
     files = StaticFiles()
     pages = TemplatePages(files)
-    line = daemon if daemon is not None else _Away()
+    line = DaemonLine(settings.socket) if daemon is None else daemon
+    live = Live(line, settings.most_viewers)
     box = Box(settings=settings, daemon=line, pages=pages)
     limits = Limits() if limits is None else limits
     sessions = Sessions()
-    table = (
+    table: tuple[Endpoint, ...] = (
         *static_files.endpoints(files),
         *login.endpoints(box, sessions, limits=limits, clock_s=clock_s),
+        *race.endpoints(box),
         *(endpoint for name in FEATURES for endpoint in _endpoints_of(name, box)),
     )
+    table = (*table, openapi.endpoint(table))
     answers = Answers(pages)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
-        async with AsyncExitStack():
+        # Held here: the event loop itself keeps tasks by weak references only.
+        tasks = [asyncio.create_task(live.run())]
+        if isinstance(line, DaemonLine):
+            tasks.append(asyncio.create_task(line.run()))
+        try:
             yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
     app = Starlette(
-        routes=list(routes(table)),
+        routes=[WebSocketRoute(LIVE, live.serve), *routes(table)],
         middleware=[
             Middleware(
                 Guard,
@@ -114,27 +127,3 @@ def _last_resort(answers: Answers) -> Callable[[Request, Exception], Awaitable[R
         return response
 
     return answer
-
-
-class _Away:
-    """A daemon that never comes."""
-
-    state = None
-    epoch = None
-
-    def events(self, _since: int | None = None) -> tuple[Told, ...]:
-        """None."""
-        return ()
-
-    async def follow(self) -> AsyncIterator[Told | State | None]:
-        """Nothing comes."""
-        await asyncio.Event().wait()
-        yield None
-
-    async def picture(self, **_when: Any) -> Picture:
-        """Refused."""
-        raise Refused(503, "daemon-down", "The timing service is not running: it comes back by itself.")
-
-    async def ask(self, **_what: Any) -> None:
-        """Refused."""
-        raise Refused(503, "daemon-down", "The timing service is not running: it comes back by itself.")

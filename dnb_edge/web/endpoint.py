@@ -42,8 +42,12 @@ class Endpoint:
     handler: Handler
     summary: str
     """What it does, in a line, for the OpenAPI document."""
+    query: type[BaseModel] | None = None
+    """What may stand behind the question mark; the guard checks it and leaves it in `request.state.query`. None: nothing is
+    looked at."""
     body: type[BaseModel] | None = None
-    """What a JSON body must be; None where it takes none, or bytes."""
+    """What a JSON body must be; the guard checks it and leaves it in `request.state.body`. None where it takes none, or
+    bytes."""
     body_types: tuple[str, ...] = ()
     """Media types of a body that is bytes, such as image/png."""
     answer: type[BaseModel] | None = None

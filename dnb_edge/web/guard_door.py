@@ -51,6 +51,8 @@ class Door:
             await RedirectResponse(f"/login?next={quote(scope['path'])}", 303)(scope, receive, send)
             return
         admit(endpoint, request)
+        if endpoint.query is not None:
+            request.state.query = read_query(request, endpoint.query)
         if scope["method"] not in SAFE_METHODS:
             check_body_type(endpoint, request)
             if endpoint.body is not None:
@@ -96,17 +98,32 @@ def check_body_type(endpoint: Endpoint, request: Request) -> None:
         raise _too_large(endpoint.most_body_bytes)
 
 
+def read_query(request: Request, model: type[BaseModel]) -> BaseModel:
+    """What stands behind the question mark, checked. Raises `Refused` (422)."""
+    given = request.query_params
+    if len(given) != len(given.multi_items()):
+        raise Refused(422, "bad-query", "The same name stands twice behind the question mark.")
+    try:
+        return model.model_validate_strings(dict(given))
+    except ValidationError as error:
+        raise Refused(422, "bad-query", _first_mistake(error)) from error
+
+
 async def read_body(request: Request, model: type[BaseModel]) -> BaseModel:
     """The request's JSON body, checked. Raises `Refused`: 400 where it is no JSON, 422 where it is other than wanted."""
     try:
         return model.model_validate_json(await request.body())
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        if first["type"] == "json_invalid":
+        if error.errors(include_url=False, include_input=False)[0]["type"] == "json_invalid":
             raise Refused(400, "no-json", "The body is no JSON.") from error
-        where = ".".join(str(part) for part in first["loc"])
-        text = first["msg"].removeprefix("Value error, ")
-        raise Refused(422, "bad-body", f"{where}: {text}" if where else text) from error
+        raise Refused(422, "bad-body", _first_mistake(error)) from error
+
+
+def _first_mistake(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    where = ".".join(str(part) for part in first["loc"])
+    text = first["msg"].removeprefix("Value error, ")
+    return f"{where}: {text}" if where else text
 
 
 class _Body:

@@ -1,0 +1,55 @@
+"""The part of the configuration that is about the web pages, and reading it alone: they are there to mend the rest.
+
+Knows each key's type, default and meaning. Knows no server.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, Field, ValidationError
+
+from dnb_edge.config.faults import explain
+from dnb_edge.config.sections import STRICT, Text, Whole
+from dnb_edge.config.text import KeyPath, parse_lines
+from dnb_edge.errors import InputError
+
+
+class WebConfig(BaseModel):
+    """The web pages, which `dnb-edge web` serves."""
+
+    model_config = STRICT
+
+    host: Text = "0.0.0.0"  # noqa: S104 a board for all on the LAN is what it is for
+    """The address to listen at; 127.0.0.1 for this machine alone. The command line's --host wins."""
+    port: Annotated[Whole, Field(ge=1, le=65535)] = 8080
+    """The port; the command line's --port wins."""
+    names: tuple[Text, ...] = ()
+    """Names by which browsers may call the box, besides its own, that with .local, localhost and its addresses."""
+
+
+class _WebOnly(BaseModel):
+    web: WebConfig = WebConfig()
+
+
+def load_web(path: Path) -> WebConfig:
+    """The section `web` of the configuration file at `path`, whatever else it holds.
+
+    Raises `InputError` for a missing or unreadable file, bad YAML, and an unknown or ill-typed key of the section.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"{path}: cannot read the configuration: {reason}") from error
+    data, lines = parse_lines(path, text, what="the configuration")
+
+    def where(key: KeyPath, _unknown: bool) -> str:
+        found = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
+        return str(path) if found is None else f"{path}, line {found}"
+
+    try:
+        return _WebOnly.model_validate({"web": data["web"]} if "web" in data else {}).web
+    except ValidationError as error:
+        raise InputError(explain(error, _WebOnly, where, root="the configuration")) from error

@@ -1,0 +1,256 @@
+"""The server under the application: its limits on connections and on slow clients, and its beginning and end.
+
+Knows sockets, uvicorn and the service manager; knows no page.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import signal
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from dnb_edge.display.service import ServiceNotifier
+from dnb_edge.errors import InputError
+
+HEAD_S = 10.0
+"""Time for a request's line and headers to come."""
+IDLE_S = 15
+"""A connection on which nothing is asked for so long is closed."""
+STALL_S = 30.0
+"""A client that takes nothing of its answer for so long is cut off."""
+MOST_HEAD_BYTES = 16 * 1024
+MOST_CONNECTIONS = 400
+MOST_BUSY = 300
+"""Requests and live streams at once; one more is answered with 503."""
+MOST_PER_ADDRESS = 64
+"""Connections of one address; the machine's own are not counted: a proxy's are all from there."""
+MOST_SAID_BYTES = 1024
+"""What a browser may say on the live stream, where it has nothing to say."""
+PING_S = 15.0
+STOP_S = 1
+"""Time for answers to be finished when the server ends."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """How long clients are waited for, seconds."""
+
+    head_s: float = HEAD_S
+    stall_s: float = STALL_S
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, which ends cleanly at SIGTERM and SIGINT and feeds the service manager's watchdog."""
+
+    def __init__(
+        self, app: ASGIApp, *, patience: Patience | None = None, notifier: ServiceNotifier | None = None
+    ) -> None:
+        self._notifier = notifier
+        super().__init__(
+            uvicorn.Config(
+                app,
+                http=_protocol(Patience() if patience is None else patience),
+                ws=_Socket,
+                loop="asyncio",
+                lifespan="on",
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                timeout_keep_alive=IDLE_S,
+                timeout_graceful_shutdown=STOP_S,
+                limit_concurrency=MOST_BUSY,
+                backlog=128,
+                h11_max_incomplete_event_size=MOST_HEAD_BYTES,
+                ws_max_size=MOST_SAID_BYTES,
+                ws_ping_interval=PING_S,
+                ws_ping_timeout=PING_S,
+                ws_per_message_deflate=False,
+                timeout_notify=1,
+                callback_notify=self._feed,
+            )
+        )
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn's; the service manager hears of it."""
+        await super().startup(sockets)
+        if self._notifier is not None and self.started:
+            self._notifier.ready()
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """SIGTERM and SIGINT end the server, and are not raised again when it has ended."""
+        loop = asyncio.get_running_loop()
+        try:
+            for one in (signal.SIGTERM, signal.SIGINT):
+                loop.add_signal_handler(one, self._stop)
+        except (RuntimeError, ValueError):
+            # Only the main thread hears signals.
+            yield
+            return
+        yield
+
+    def _stop(self) -> None:
+        if self._notifier is not None:
+            self._notifier.stopping()
+        self.should_exit = True
+
+    async def _feed(self) -> None:
+        if self._notifier is not None:
+            self._notifier.feed(progressed=True)
+
+
+def listener(host: str, port: int) -> socket.socket:
+    """A socket that listens at `host` and `port`. Raises `InputError` where that cannot be."""
+    try:
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        made = socket.socket(family, socket.SOCK_STREAM)
+    except OSError as error:
+        raise InputError(f"--host {host}: {error.strerror or error}: give an address of this machine") from error
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+    except OSError as error:
+        made.close()
+        raise InputError(
+            f"--port {port}: {error.strerror}: is another server there? Give another port or host"
+        ) from error
+    return made
+
+
+def addresses(host: str, port: int) -> tuple[str, ...]:
+    """What to type into a browser, the best first."""
+    tail = "" if port == 80 else f":{port}"
+    try:
+        bound = ipaddress.ip_address(host)
+    except ValueError:
+        return (f"http://{host}{tail}/",)
+    if not bound.is_unspecified:
+        return (f"http://[{host}]{tail}/" if bound.version == 6 else f"http://{host}{tail}/",)
+    names = [f"{socket.gethostname().partition('.')[0].lower()}.local", *_own_address(), "localhost"]
+    return tuple(f"http://{name}{tail}/" for name in names)
+
+
+def serve(app: ASGIApp, listening: socket.socket) -> None:
+    """Serves `app` until SIGTERM or SIGINT. Raises `InputError` as `ServiceNotifier` does."""
+    # What malformed requests are is their senders' business; what fails inside is logged as an error.
+    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
+    Server(app, notifier=ServiceNotifier()).run(sockets=[listening])
+
+
+def _own_address() -> list[str]:
+    """The machine's address in its network, as one would reach anything outside it; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            return []
+        return [str(probe.getsockname()[0])]
+
+
+class _Timer:
+    """Cuts a connection off when its time is up."""
+
+    def __init__(self, after_s: float) -> None:
+        self._after_s = after_s
+        self._handle: asyncio.TimerHandle | None = None
+
+    def start(self, transport: asyncio.Transport) -> None:
+        """Begins the time, unless it runs."""
+        if self._handle is None:
+            self._handle = asyncio.get_running_loop().call_later(self._after_s, transport.abort)
+
+    def stop(self) -> None:
+        """There is time again."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+
+def _protocol(patience: Patience) -> type[asyncio.Protocol]:
+    """uvicorn's HTTP protocol with our patience."""
+
+    class Patient(H11Protocol):
+        """Times the head of each request and each stall of an answer; counts connections."""
+
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            """A client has come."""
+            self._head, self._stall = _Timer(patience.head_s), _Timer(patience.stall_s)
+            super().connection_made(transport)
+            if not _has_room(self):
+                transport.abort()
+                return
+            self._head.start(transport)
+
+        def data_received(self, data: bytes) -> None:
+            """Bytes have come: of a head, a body, or of a body that nobody wants any more."""
+            before = self.cycle
+            super().data_received(data)
+            if self.cycle is not before or self.transport.get_protocol() is not self:
+                self._head.stop()
+            elif self.cycle is None or self.cycle.response_complete:
+                self._head.start(self.transport)
+
+        def pause_writing(self) -> None:
+            """The client takes nothing just now."""
+            super().pause_writing()
+            self._stall.start(self.transport)
+
+        def resume_writing(self) -> None:
+            """It does again."""
+            super().resume_writing()
+            self._stall.stop()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """The client has gone."""
+            self._head.stop()
+            self._stall.stop()
+            super().connection_lost(exc)
+
+    return Patient
+
+
+class _Socket(WebSocketsSansIOProtocol):
+    """uvicorn's WebSocket protocol; a browser that takes nothing is cut off."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has come."""
+        self._stall = _Timer(STALL_S)
+        super().connection_made(transport)
+
+    def pause_writing(self) -> None:
+        """The client takes nothing just now."""
+        super().pause_writing()
+        self._stall.start(self.transport)
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        super().resume_writing()
+        self._stall.stop()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client has gone."""
+        self._stall.stop()
+        super().connection_lost(exc)
+
+
+def _has_room(new: H11Protocol) -> bool:
+    """Whether one more connection is served: neither all together nor one address take too many."""
+    if len(new.connections) > MOST_CONNECTIONS:
+        return False
+    address = new.client[0] if new.client else ""
+    if not address or address == "::1" or address.startswith("127."):
+        return True
+    clients = (getattr(one, "client", None) for one in new.connections)
+    return sum(client is not None and client[0] == address for client in clients) <= MOST_PER_ADDRESS
