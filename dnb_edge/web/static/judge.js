@@ -40,7 +40,8 @@ function draw() {
   const counting = view.laps.filter((one) => one.counts);
   part("name").textContent = view.name;
   const decisions = view.edits_so_far === 1 ? "1 decision" : `${view.edits_so_far} decisions`;
-  part("sum").textContent = `${counting.length} laps in ${view.lasts_s.toFixed(1)} s, ${decisions}`;
+  const laps = counting.length === 1 ? "1 lap" : `${counting.length} laps`;
+  part("sum").textContent = `${laps} in ${view.lasts_s.toFixed(1)} s, ${decisions}`;
   const notices = view.warnings.map((text) => element("p", { className: "notice notice--warn", text }));
   if (view.unfinished) {
     notices.unshift(element("p", {
@@ -70,7 +71,7 @@ function drawLaps() {
       element("td", { className: "number", text: time(lap) }),
       element("td", { className: "number", text: one.counts ? official(lap) : "removed" }),
       element("td", { className: "number", text: similarity }),
-      element("td", {}, ...reasons(one).map((text) => element("div", { text }))),
+      element("td", { className: "judge-why" }, ...reasons(one).map((text) => element("div", { text }))),
       element("td", {}, element("div", { className: "toolbar" }, ...lapButtons(one))),
     );
     return row;
@@ -110,7 +111,7 @@ function drawEdits() {
   part("edits").hidden = view.edits.length === 0;
   part("edits").tBodies[0].replaceChildren(...view.edits.map((one) => {
     const { edit } = one;
-    const because = element("td", {}, element("div", { text: edit.reason }));
+    const because = element("td", { className: "judge-why" }, element("div", { className: "judge-was", text: edit.reason }));
     if (one.undone) because.append(element("div", { className: "muted", text: "undone" }));
     if (one.without_effect !== null) because.append(element("div", { className: "muted", text: `without effect: ${one.without_effect}` }));
     const undo = () => decide({ action: "undo", edit: edit.number }, null, `${edit.action} ${one.subject}`);
