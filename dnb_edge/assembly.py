@@ -338,9 +338,13 @@ def _marker_settings(wanted: DetectorConfig) -> MarkerSettings:
 
 def make_source(uri: str, config: Config | None) -> FrameSource:
     """The source at `uri`, open; a camera is asked for what the configuration says."""
+    return source_of(uri, None if config is None else config.capture)
+
+
+def source_of(uri: str, asked: CaptureConfig | None) -> FrameSource:
+    """As `make_source`, from the camera's section alone."""
     settings = None
-    if config is not None:
-        asked = config.capture
+    if asked is not None:
         keys = {choice.name for choice in fields(CaptureSettings)} & set(type(asked).model_fields)
         settings = CaptureSettings(**{key: getattr(asked, key) for key in keys})
     return open_source(uri, settings, open_recording=open_recording)

@@ -52,6 +52,25 @@ def node_of(identity: str, *, dev: Path = DEV, sys: Path = SYS) -> Path | None:
     return None
 
 
+def first_camera(*, dev: Path = DEV, usb: bool) -> Path | None:
+    """A camera of this machine for somebody who has named none, always the same while they stay plugged in; None where there is
+    none. `usb`: one on USB, no other kind of device that gives pictures."""
+    named = [link for link in _links(dev, "by-id") if link.name.endswith(f"{_INDEX}0") and link.exists()]
+    nodes = sorted(dev.glob("video*"), key=lambda node: (len(node.name), node.name))
+    for path in (*named, *nodes):
+        device = linux.Device(path, blocking=False)
+        try:
+            device.open()
+            captures = linux.Capability.VIDEO_CAPTURE in device.info.device_capabilities
+            if captures and (not usb or device.info.driver == "uvcvideo"):
+                return path
+        except OSError:
+            continue  # not ours to open, or gone meanwhile
+        finally:
+            device.close()
+    return None
+
+
 def known_cameras(dev: Path = DEV) -> str:
     """The cameras of this machine in words: their lasting names where udev gives any, else their nodes."""
     links = [link for link in _links(dev, "by-id") if link.exists()]

@@ -20,7 +20,8 @@ from dnb_edge.assembly import assemble, make_source
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.photograph import read_photograph
-from dnb_edge.cli.run import ConfigFile, Override, load_run_config
+from dnb_edge.cli.run import ConfigFile, Override
+from dnb_edge.cli.run_means import load_run_config
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.drift import calibrated_picture, in_size
 from dnb_edge.errors import InputError, WorkError

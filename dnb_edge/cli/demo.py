@@ -11,7 +11,7 @@ import typer
 import yaml
 
 from dnb_edge.cli.results import make_report
-from dnb_edge.cli.run import say_summary
+from dnb_edge.cli.run_means import say_summary
 from dnb_edge.config.load import load_config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.sinks import JsonSink

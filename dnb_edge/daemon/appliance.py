@@ -95,7 +95,7 @@ def run_appliance(
     notifier = ServiceNotifier() if notifier is None else notifier
     notifier.status("starting")
     with ExitStack() as stack:
-        stop = stack.enter_context(stop_signals())
+        stop = live.stop if live is not None else stack.enter_context(stop_signals())
         source = make_source(options.source_uri, config)
         stack.callback(source.close)
         if source.info.live:
@@ -114,7 +114,11 @@ def run_appliance(
         core = _core(rooms.assembly.setup, earlier)
         feed = FrameFeed(source, SameCamera(source.info, lambda uri: make_source(uri, config)))
         board = BoardSink(
-            shown, notifier, rooms.assembly.setup.laps.laps, first_t_ns=None if earlier is None else earlier.first_t_ns
+            shown,
+            notifier,
+            rooms.assembly.setup.laps.laps,
+            first_t_ns=None if earlier is None else earlier.first_t_ns,
+            notices=None if live is None else live.notices,
         )
         shows: list[Sink] = [board, *_elsewhere(live, rooms, source.info, recorder)]
         _tell_again(earlier, shows)
@@ -151,7 +155,7 @@ def run_appliance(
                     recorder.add_event(summary)
             finally:
                 # Before the camera is closed: a driver that hangs costs no recording.
-                notifier.stopping()
+                _say_end(live, notifier, board)
                 path, failure = _finish(recorder)
         summary = replace(summary, recording=path)
         for sink in watching:
@@ -256,6 +260,14 @@ def _elsewhere(live: LiveRun | None, rooms: _Rooms, info: SourceInfo, recorder: 
         return ()
     live.races(rooms.assembly.setup, info, None if recorder is None else recorder.path)
     return (live.sink,)
+
+
+def _say_end(live: LiveRun | None, notifier: ServiceNotifier, board: BoardSink) -> None:
+    """The race is over; the service too, unless it lives on."""
+    if live is None:
+        notifier.stopping()
+    else:
+        live.ends(notifier, board.state)
 
 
 def _tell_again(earlier: Unfinished | None, sinks: Sequence[Sink]) -> None:

@@ -1,15 +1,20 @@
-"""A run's side of the live socket: what the run is, told when it begins.
+"""A run's side of the live socket: what the run is, told when it begins, and whether the process goes on behind it.
 
-Knows a run's parts by their values and the server. Knows no race loop.
+Knows a run's parts by their values, the server and the orders. Knows no race loop.
 """
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from pathlib import Path
 
 from dnb_edge.core import CoreSetup
 from dnb_edge.daemon.live_sink import LiveSink
+from dnb_edge.daemon.notices import Notices
 from dnb_edge.daemon.scenery import make_scenery
+from dnb_edge.display.service import ServiceNotifier
+from dnb_edge.display.state import BoardState
 from dnb_edge.live.messages import Phase, State
 from dnb_edge.live.server import LiveServer
 from dnb_edge.record.durable import PART_SUFFIX
@@ -19,9 +24,24 @@ from dnb_edge.values import SourceInfo
 class LiveRun:
     """One run on `server`."""
 
-    def __init__(self, server: LiveServer) -> None:
+    def __init__(
+        self,
+        server: LiveServer,
+        *,
+        stop: threading.Event,
+        notices: Notices,
+        goes_on: Callable[[], bool],
+        on_begin: Callable[[], None],
+    ) -> None:
+        """`stop` ends the run when it is set; `goes_on` tells, at its end, whether the process lives on."""
         self._server = server
+        self._goes_on = goes_on
+        self._on_begin = on_begin
+        self.stop = stop
+        self.notices = notices
         self.sink = LiveSink(server)
+        self.board = BoardState()
+        """What displays showed last."""
 
     def starts(self, source_uri: str) -> None:
         """The run is being built."""
@@ -40,3 +60,12 @@ class LiveRun:
                 scenery=make_scenery(setup),
             )
         )
+        self._on_begin()
+
+    def ends(self, notifier: ServiceNotifier, board: BoardState) -> None:
+        """The race is over and its recording is being finished."""
+        self.board = board
+        if self._goes_on():
+            notifier.feed_now()
+        else:
+            notifier.stopping()

@@ -13,6 +13,7 @@ from typing import Protocol, Self, TextIO
 
 from dnb_edge import wire
 from dnb_edge.daemon.aside import Aside
+from dnb_edge.daemon.notices import Notices
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
@@ -65,12 +66,20 @@ class BoardSink:
         laps_wanted: int | None,
         *,
         first_t_ns: int | None = None,
+        notices: Notices | None = None,
     ) -> None:
-        """`first_t_ns`: stamp of the race's first frame; None where that is still to come."""
+        """`first_t_ns`: stamp of the race's first frame; None where that is still to come. `notices` are shown as well."""
         self._displays = displays
         self._notifier = notifier
         self._state = BoardState(laps_wanted=laps_wanted)
         self._first_t_ns = first_t_ns
+        self._notices = Notices() if notices is None else notices
+        self._notices.on_change = self.show
+
+    @property
+    def state(self) -> BoardState:
+        """The board, as far as the race goes."""
+        return self._state
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:  # noqa: ARG002 a board shows no detections
         """Lets the running lap run on."""
@@ -89,10 +98,15 @@ class BoardSink:
         faults = [display.fault for display in self._displays if display.status is DisplayStatus.OFFLINE]
         return tuple(f"display offline: {fault}" if fault else "display offline" for fault in faults)
 
+    def show(self) -> None:
+        """Shows the board as it stands, with a new notice, say; from any thread."""
+        shown = self._state.noting(self._notices.text)
+        for display in self._displays:
+            display.post(shown)
+
     def _post(self, state: BoardState) -> None:
         self._state = state
-        for display in self._displays:
-            display.post(state)
+        self.show()
 
 
 def _hidden(*, observations: bool) -> tuple[type[Event], ...]:

@@ -35,6 +35,7 @@ def repaint(state: BoardState) -> list[protocol.Message]:
         *_live(state),
         *_saved(state),
         *health_messages(state.health),
+        *_note(state),
         run_message(state),
     ]
 
@@ -50,11 +51,11 @@ def news(earlier: BoardState, later: BoardState) -> list[protocol.Message]:
     if later.crossed_s is not None and later.crossed_s != known_s:
         told.append(protocol.Cross(t_s=later.crossed_s))
     is_another = later.shown.car != earlier.shown.car or _car(later) != _car(earlier)
-    if is_another or any(part(earlier) and not part(later) for part in (_best, _count, _places)):
+    if is_another or any(part(earlier) and not part(later) for part in (_best, _count, _places, _note)):
         return [*repaint(later), *told, run_message(later)] if told else repaint(later)
     for lap in laps_since(earlier, later):
         told += lap_messages(lap) if lap.car == later.shown.car else [_other_lap(lap)]
-    for part in (_best, _state, _count, _places, _live, _saved):
+    for part in (_best, _state, _count, _places, _live, _saved, _note):
         if part(later) != part(earlier):
             told += part(later)
     if later.shown.running is None and earlier.shown.running is not None:
@@ -126,6 +127,11 @@ def _saved(state: BoardState) -> list[protocol.Message]:
     if state.health is None or state.health.saved_laps is None:
         return []
     return [protocol.Saved(laps=state.health.saved_laps)]
+
+
+def _note(state: BoardState) -> list[protocol.Message]:
+    """What people at the box are to read; nothing where there is no such thing."""
+    return [] if state.notice is None else [protocol.Note(text=state.notice)]
 
 
 def _other_lap(lap: values.Lap) -> protocol.Message:

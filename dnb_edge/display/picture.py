@@ -66,7 +66,7 @@ class _Board:
         rows = max(2, min(8, console.height - ROWS_BESIDE_LAPS))
         state = self.state
         yield Panel(
-            Group(_headline(state), Text(), _table(state, rows), Text(), _health(state)),
+            Group(_headline(state), _notice(state), _table(state, rows), Text(), _health(state)),
             title=_title(state),
             title_align="left",
             subtitle=f"dnb-edge{_saved(state)}",
@@ -123,8 +123,10 @@ def printed_lines(earlier: BoardState | None, later: BoardState) -> list[str]:
     warnings = () if later.health is None else later.health.warnings
     notes = () if later.health is None else later.health.notes
     noted = () if earlier is None or earlier.health is None else earlier.health.notes
+    noticed = None if earlier is None else earlier.notice
     return [
         *lines,
+        *([] if later.notice in {None, noticed} else [f"notice: {later.notice}"]),
         *(f"warning: {warning}" for warning in warnings if warning not in known),
         *(f"note: {note}" for note in notes if note not in noted),
     ]
@@ -152,6 +154,11 @@ def _title(state: BoardState) -> Text:
     if state.health is not None and state.health.view_moved_m is not None:
         title.append("CAMERA MOVED ", style="bold red")
     return title
+
+
+def _notice(state: BoardState) -> Text:
+    """What people at the box are to read; an empty line where there is no such thing."""
+    return Text() if state.notice is None else Text(f" {state.notice} ", style="bold reverse", no_wrap=True)
 
 
 def _saved(state: BoardState) -> str:

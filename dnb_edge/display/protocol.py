@@ -270,6 +270,23 @@ class Warn:
         return cls(number=int(found[1]), text=found[2])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note:
+    """A line for people at the box, such as the set-up code; it stands until a repaint without it."""
+
+    PATTERN: ClassVar = re.compile(rf"NOTE {TEXT}")
+    text: str
+
+    def body(self) -> str:
+        """`NOTE set-up code 4711 0815`."""
+        return f"NOTE {plain(self.text)}"
+
+    @classmethod
+    def read(cls, found: re.Match[str]) -> Self:
+        """The message of a match."""
+        return cls(text=found[1])
+
+
 MESSAGES: tuple[type[Message], ...] = (
     Hello,
     Car,
@@ -290,6 +307,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Saved,
     Health,
     Warn,
+    Note,
 )
 """Every kind of message of this version."""
 

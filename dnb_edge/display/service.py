@@ -75,6 +75,12 @@ class ServiceNotifier:
         self._tell("WATCHDOG=1")
         return True
 
+    def feed_now(self) -> None:
+        """Feed the watchdog between two phases of the process, each of which may take some seconds."""
+        if self._period_s is not None:
+            self._fed_s = self._clock_s()
+            self._tell("WATCHDOG=1")
+
     def stopping(self) -> None:
         """The run is over; the recording is being finished."""
         self._tell("STOPPING=1")

@@ -42,6 +42,8 @@ class BoardState:
     told_count: int = 0
     """How many there were in all."""
     health: values.Health | None = None
+    notice: str | None = None
+    """A line for people at the box that is no part of the race, such as the set-up code; None where there is none."""
 
     @property
     def shown(self) -> CarBoard:
@@ -133,6 +135,10 @@ class BoardState:
     def at(self, t_s: float) -> BoardState:
         """The same board at `t_s`; time never runs backwards."""
         return replace(self, t_s=max(self.t_s, t_s))
+
+    def noting(self, notice: str | None) -> BoardState:
+        """The same board with this notice, or without any."""
+        return self if notice == self.notice else replace(self, notice=notice)
 
     def after(self, event: values.Event) -> BoardState:
         """The board once `event` has happened. A lap and the crossing that ends it may come in either order."""
