@@ -6,6 +6,7 @@ Knows every module of endpoints; knows nothing of what they do.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager
@@ -35,6 +36,8 @@ from dnb_edge.web.stream import Live
 
 FEATURES = ("board", "runs", "downloads", "setup", "judge")
 """Modules of this room with endpoints(box)."""
+_log = logging.getLogger(__name__)
+
 LIVE = f"{API}/live"
 """The one address that is a WebSocket's."""
 
@@ -114,7 +117,11 @@ def _endpoints_of(name: str, box: Box) -> tuple[Endpoint, ...]:
     full = f"dnb_edge.web.{name}"
     if find_spec(full) is None:
         return ()
-    found: tuple[Endpoint, ...] = import_module(full).endpoints(box)
+    try:
+        found: tuple[Endpoint, ...] = import_module(full).endpoints(box)
+    except (ImportError, AttributeError) as error:
+        _log.error("%s is left out: %s", full, error)
+        return ()
     return found
 
 

@@ -165,7 +165,7 @@ class DaemonLine:
             for follower in self._followers:
                 # What still waits is of the process before.
                 follower.clear()
-        self._send(Follow(ask=next(self._asks), since=self._kept.next, epoch=hello.epoch))
+        self._send(Follow(ask=next(self._asks), since=self._kept.next or 0, epoch=hello.epoch))
         if self._wanted_until_s is not None:
             self._wanted_until_s = None
             self._want_pictures()

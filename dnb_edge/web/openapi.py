@@ -90,7 +90,7 @@ def _operation(endpoint: Endpoint, references: dict[Any, Any]) -> dict[str, Any]
             *_query(endpoint),
         ],
         "responses": {
-            "200": {"description": "Done.", "content": _answer(endpoint, references)},
+            "2XX": {"description": "Done.", "content": _answer(endpoint, references)},
             "default": {
                 "description": "Refused or failed.",
                 "content": {"application/json": {"schema": references[ErrorAnswer, "serialization"]}},

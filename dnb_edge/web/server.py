@@ -253,4 +253,4 @@ def _has_room(new: H11Protocol) -> bool:
     if not address or address == "::1" or address.startswith("127."):
         return True
     clients = (getattr(one, "client", None) for one in new.connections)
-    return sum(client is not None and client[0] == address for client in clients) <= MOST_PER_ADDRESS
+    return len([client for client in clients if client is not None and client[0] == address]) <= MOST_PER_ADDRESS
