@@ -67,7 +67,8 @@ export function standstill(line, state) {
   if (line === Line.RECONNECTING) {
     return { kind: "warn", title: "No line to the box", text: "The figures below may be old. This page tries again by itself; no lap is lost." };
   }
-  switch (state?.phase) {
+  if (state === null) return { kind: "accent", title: "Connecting", text: "" };
+  switch (state.phase) {
     case "fault":
       return { kind: "bad", title: "The daemon cannot start", text: sentence(state.reason ?? "it does not say why") };
     case "setup":
@@ -79,7 +80,7 @@ export function standstill(line, state) {
     case "starting":
       return { kind: "accent", title: "Starting", text: state.reason ? sentence(state.reason) : "The camera is being opened." };
     default:
-      return state?.reason ? { kind: "warn", title: "Something wants a hand", text: sentence(state.reason) } : null;
+      return state.reason ? { kind: "warn", title: "Something wants a hand", text: sentence(state.reason) } : null;
   }
 }
 

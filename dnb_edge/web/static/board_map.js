@@ -47,7 +47,8 @@ export class TrackMap {
     const unit = this.#view.ratio;
     for (const car of cars.filter((one) => one.shown)) {
       this.#line(context, car.best, this.#colours.best, 2 * unit, 0.9);
-      this.#line(context, car.path, this.#colours.path, 3 * unit, 1);
+      const here = car.place !== null && car.place.fresh ? [car.place] : [];
+      this.#line(context, [...car.path, ...here], this.#colours.path, 3 * unit, 1);
       if (car.ghost !== null) this.#dot(context, car.ghost, this.#colours.best, 7 * unit, true);
     }
     for (const car of cars) if (car.place !== null) this.#car(context, car, unit);
@@ -164,10 +165,15 @@ export class TrackMap {
 
 function bounds(scenery) {
   const half = (scenery.lane_width_m ?? 0) / 2;
-  const points = [...scenery.centreline_m, ...scenery.lines.flatMap((line) => [line.start_m, line.end_m])];
-  const xs = points.map(([x]) => x);
-  const ys = points.map(([, y]) => y);
-  return { x0: Math.min(...xs) - half, x1: Math.max(...xs) + half, y0: Math.min(...ys) - half, y1: Math.max(...ys) + half };
+  const ends = scenery.lines.flatMap((line) => [line.start_m, line.end_m]);
+  const extent = (axis) => {
+    const route = scenery.centreline_m.map((point) => point[axis]);
+    const across = ends.map((point) => point[axis]);
+    return [Math.min(Math.min(...route) - half, ...across), Math.max(Math.max(...route) + half, ...across)];
+  };
+  const [x0, x1] = extent(0);
+  const [y0, y1] = extent(1);
+  return { x0, x1, y0, y1 };
 }
 
 function aspect(scenery) {
