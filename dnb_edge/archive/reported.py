@@ -17,8 +17,8 @@ from dnb_edge.errors import InputError
 from dnb_edge.record.reader import iter_frames, iter_told
 from dnb_edge.report.evidence import thumbnails
 from dnb_edge.report.health import HealthFold, HealthHistory, interruptions
-from dnb_edge.report.run import RunResult
-from dnb_edge.values import Health
+from dnb_edge.report.run import RunResult, Sightings, SortedSightings
+from dnb_edge.values import Health, Observation
 
 _UNTOLD_GAP_S = 1.0
 """What counts as an interruption where the race has no such rule, seconds."""
@@ -30,6 +30,13 @@ class Reported:
 
     replayed: Replayed
     result: RunResult
+
+    def sightings(self) -> SortedSightings:
+        """All that was seen of cars, in the order of time."""
+        apart = self.replayed.sightings
+        if apart is None:
+            apart = Sightings(event for event in self.replayed.events if isinstance(event, Observation))
+        return apart.sorted()
 
 
 def reported(

@@ -54,45 +54,50 @@ def write_report(result: RunResult, directory: Path, *, file_name: str = FILE_NA
 
 def render(result: RunResult) -> str:
     """The whole page, the same text for the same result."""
+    header = f"<h1>{text(result.entry)}</h1>\n{facts_list(result)}\n{warnings_list(result.warnings)}"
+    body = [
+        f"<section>\n<h2>Laps</h2>\n{lap_table(result)}\n</section>",
+        race_sections(result),
+        _pictures(result),
+        f"<section>\n<h2>Transformation error</h2>\n{_calibration(result.calibration)}\n</section>",
+        f"<section>\n<h2>How this was made</h2>\n{details(result)}\n</section>",
+    ]
+    return page(title=f"{result.entry}: dnb-edge report", header=header, body="\n".join(filter(None, body)))
+
+
+def page(*, title: str, header: str, body: str) -> str:
+    """A whole page with this `title`, which is text; `header` and `body` are HTML."""
     template = resources.files("dnb_edge.report").joinpath("page.html").read_text(encoding="utf-8")
-    return Template(template).substitute(
-        title=text(f"{result.entry}: dnb-edge report"),
-        entry=text(result.entry),
-        facts=_facts(result),
-        warnings=_warnings(result.warnings),
-        laps=lap_table(result),
-        race=race_sections(result),
-        pictures=_pictures(result),
-        calibration=_calibration(result.calibration),
-        details=_details(result),
-    )
+    return Template(template).substitute(title=text(title), header=header, body=body)
 
 
 def _pictures(result: RunResult) -> str:
     """The sections with pictures; those without anything to show are left out."""
     parts: dict[Section, list[str]] = {section: [] for section in Section}
     for figure in report_figures(result):
-        parts[figure.section].append(_figure(figure))
+        parts[figure.section].append(figure_html(figure))
     health = parts.pop(Section.HEALTH)
     sections = [
-        f"<section>\n<h2>{text(name)}</h2>\n{_laid(shown)}\n</section>" for name, shown in parts.items() if shown
+        f"<section>\n<h2>{text(name)}</h2>\n{laid_out(shown)}\n</section>" for name, shown in parts.items() if shown
     ]
     return "\n".join([*sections, health_section(result.health, "\n".join(health))])
 
 
-def _laid(figures: Sequence[str]) -> str:
+def laid_out(figures: Sequence[str]) -> str:
     """Figures one below the other, halves side by side where the page is wide enough."""
     return f'<div class="figures">\n{"".join(figures)}</div>'
 
 
-def _figure(figure: ReportFigure) -> str:
+def figure_html(figure: ReportFigure) -> str:
+    """The figure with its caption."""
     said = f"<figcaption>{text(figure.caption)}</figcaption>\n" if figure.caption else ""
     kind = ' class="half"' if figure.half else ""
     picture = data_uri(figure.draw("png"))
     return f'<figure{kind}>\n<img alt="{text(figure.alt)}" src="{picture}">\n{said}</figure>\n'
 
 
-def _facts(result: RunResult) -> str:
+def facts_list(result: RunResult) -> str:
+    """Who drove, on what, by which rules, and what the laps come to."""
     facts = [*_driver_facts(result), *_lap_facts(result)]
     if result.frames and result.detected_frames is not None:
         share = 100 * result.detected_frames / result.frames
@@ -148,7 +153,8 @@ def _definitions(facts: Iterable[tuple[str, str]]) -> str:
     return "<dl>\n" + "".join(f"<dt>{text(name)}</dt><dd>{text(fact)}</dd>\n" for name, fact in facts) + "</dl>"
 
 
-def _warnings(warnings: Sequence[str]) -> str:
+def warnings_list(warnings: Sequence[str]) -> str:
+    """What a reader must know; empty where there is nothing."""
     if not warnings:
         return ""
     return '<ul class="bad">' + "".join(f"<li>{text(warning)}</li>" for warning in warnings) + "</ul>"
@@ -174,7 +180,8 @@ def _calibration(calibration: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
-def _details(result: RunResult) -> str:
+def details(result: RunResult) -> str:
+    """Digests, hashes, versions and the configuration, folded away."""
     parts = []
     for title, facts in (
         ("Digests of the conditions: runs with the same ones can be compared", result.digests),

@@ -71,7 +71,7 @@ def legend(figure: Figure, axes: Axes) -> None:
     if not handles:
         return
     widest_px = max(map(len, labels)) * _LETTER_PX + _BESIDE_PX
-    figure.legend(
+    shown = figure.legend(
         handles,
         labels,
         loc="outside lower center",
@@ -81,3 +81,6 @@ def legend(figure: Figure, axes: Axes) -> None:
         columnspacing=1.4,
         handlelength=2.4,
     )
+    for words in shown.get_texts():
+        # An entry may be called $x^2$.
+        words.set_parse_math(False)

@@ -26,9 +26,12 @@ _DRIVEN_HEADINGS = (
 _OPEN_ROWS = 20
 """A longer second table is folded away."""
 
+MOST_ROWS = 10_000
+"""More laps are not told one by one: a page of a day's race should open everywhere."""
 
-def lap_table(result: RunResult) -> str:
-    """All laps in their order, and how they were driven; a sentence where there is none."""
+
+def lap_table(result: RunResult, *, most: int = MOST_ROWS) -> str:
+    """The last `most` laps in their order, and how they were driven; a sentence where there is none."""
     if not result.laps:
         return "<p>No complete lap: the entry did not finish (DNF).</p>"
     several = result.several_cars
@@ -37,22 +40,27 @@ def lap_table(result: RunResult) -> str:
     judges = _judges(result)
     names = {row.car: row.name for row in result.standings.rows} if result.standings is not None else {}
     rows = []
-    for lap in result.laps:
+    for lap in result.laps[-most:]:
         car = [names.get(lap.car, str(lap.car))] if several else []
         rows.append(_row(lap, car, judges.get((lap.car, lap.number), ())))
     table = (
         f'<div class="scroll"><table>\n<thead><tr>{head}<th scope="col" class="text">Valid</th></tr></thead>\n'
         f"<tbody>\n{''.join(rows)}</tbody>\n</table></div>"
     )
-    return f"{table}\n{_driven(result)}"
+    missing = len(result.laps) - most
+    told = (
+        f"<p>The first {missing} laps are left out: `dnb-edge runs export` has them all.</p>\n" if missing > 0 else ""
+    )
+    return f"{told}{table}\n{_driven(result, most)}"
 
 
-def _driven(result: RunResult) -> str:
+def _driven(result: RunResult, most: int) -> str:
     """How close to the route and how fast the laps were; nothing where none was scored."""
     several = result.several_cars
     rows = []
-    for lap in result.laps:
-        score = result.score_of(lap)
+    scores = {(score.lap, score.target_id): score for score in reversed(result.scores)}
+    for lap in result.laps[-most:]:
+        score = scores.get((lap.number, lap.target_id))
         name = lap_name(lap, several=True) if several else str(lap.number)
         rows.append((name, *((NONE,) * len(_DRIVEN_HEADINGS) if score is None else _score_cells(score))))
     if not result.scores:

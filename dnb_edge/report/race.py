@@ -5,16 +5,21 @@ Knows a `RunResult`; whatever came from a user or a file is escaped by `report.m
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from dnb_edge.race.standings import TheoreticalLap, best_theoretical
 from dnb_edge.report.judged import judged
 from dnb_edge.report.lap_style import lap_name
+from dnb_edge.report.lap_table import MOST_ROWS
 from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_table, text
 from dnb_edge.report.run import RunResult
 from dnb_edge.values import Incident, Lap, SectorTime, Standing
 
 _RANKED_BY = "Standings by {}"
+
+MOST_INCIDENTS = 1000
+"""More are counted by their kind."""
 
 
 def race_sections(result: RunResult) -> str:
@@ -60,7 +65,7 @@ def _behind(value: float | None, laps: int | None) -> str:
 
 
 def _sectors(result: RunResult) -> str:
-    laps = [lap for lap in result.laps if lap.sectors]
+    laps = [lap for lap in result.laps[-MOST_ROWS:] if lap.sectors]
     if not laps:
         return ""
     several = result.several_cars
@@ -98,9 +103,14 @@ def _incidents(result: RunResult) -> str:
         return ""
     several = result.several_cars
     rows = "".join(
-        _incident(one, result.thumbnails.get((one.car, one.number)), several=several) for one in result.incidents
+        _incident(one, result.thumbnails.get((one.car, one.number)), several=several)
+        for one in result.incidents[:MOST_INCIDENTS]
     )
-    return f'<ul class="incidents">\n{rows}</ul>'
+    kinds = Counter(one.kind.value.replace("_", " ") for one in result.incidents[MOST_INCIDENTS:])
+    more = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+    return (
+        f"<p>Left out, later than these: {text(more)}.</p>\n" if more else ""
+    ) + f'<ul class="incidents">\n{rows}</ul>'
 
 
 def _incident(incident: Incident, jpeg: bytes | None, *, several: bool) -> str:

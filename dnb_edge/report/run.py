@@ -102,6 +102,13 @@ class SortedSightings:
     known: NDArray[np.bool_]
     """(n,), whether it is known what target it was."""
 
+    def of_targets(self, targets: Iterable[int]) -> SortedSightings:
+        """What was seen of these targets."""
+        mine = self.known & np.isin(self.target_id, list(targets))
+        return SortedSightings(
+            t_ns=self.t_ns[mine], track_m=self.track_m[mine], target_id=self.target_id[mine], known=self.known[mine]
+        )
+
     def between(self, start_t_ns: int, end_t_ns: int, drivers: Iterable[int]) -> StampedPath:
         """The path of what was seen later than the one instant and earlier than the other, each instant once; of no other
         targets than `drivers`, as far as the targets are known, and of all where there are none."""

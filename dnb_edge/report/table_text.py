@@ -25,7 +25,7 @@ def as_text(table: ResultTable) -> str:
 
     Spreads have columns where any entry has one, penalties where anybody got one.
     """
-    columns = _columns(table.rows)
+    columns = table_columns(table.rows)
     widths = [max(map(cell_len, column)) for column in columns]
     text = [_aligned(line, widths) for line in zip(*columns, strict=True)]
     text.insert(1, "  ".join("-" * width for width in widths))
@@ -35,7 +35,8 @@ def as_text(table: ResultTable) -> str:
     return "\n".join([*text, "", *notes] if notes else text)
 
 
-def _columns(rows: Sequence[EntryRow]) -> list[list[str]]:
+def table_columns(rows: Sequence[EntryRow]) -> list[list[str]]:
+    """The columns that the rows need, each with its heading first."""
     similarity, time = [_similarity(row) for row in rows], [_time(row) for row in rows]
     spread = any(row.completion_time_sd_s is not None for row in rows)
     columns = [

@@ -250,14 +250,14 @@ def test_a_full_disk_leaves_no_half_report(
     assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("report.html", "old")]
 
 
-@pytest.mark.parametrize("scheme", [0, 1], ids=["light", "dark"])
+@pytest.mark.parametrize("scheme", [0, 1, 2], ids=["light", "dark", "paper"])
 @pytest.mark.parametrize("ink", ["ink", "quiet", "bad"])
 @pytest.mark.parametrize("paper", ["paper", "stripe"])
 def test_text_has_the_contrast_of_wcag_aa(scheme: int, ink: str, paper: str) -> None:
-    """At least 4.5 to 1 in both schemes, as WCAG 2.2, 1.4.3, asks of text."""
+    """At least 4.5 to 1 on both screens and on paper, as WCAG 2.2, 1.4.3, asks of text."""
     page = resources.files("dnb_edge.report").joinpath("page.html").read_text(encoding="utf-8")
     blocks = re.findall(r":root \{([^}]*)\}", page)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     colours = dict(re.findall(r"--(\w+): #([0-9a-f]{6})", blocks[scheme]))
     bright, dark = sorted((luminance(colours[ink]), luminance(colours[paper])), reverse=True)
     assert (bright + 0.05) / (dark + 0.05) >= 4.5
