@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from typing import Any
 
@@ -47,23 +47,34 @@ INCIDENT_COLUMNS = (
 """Of the incidents. `x_m` and `y_m` are track m, `u_px` and `v_px` camera px."""
 
 
+_FORMULA_STARTS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What makes a spreadsheet take a cell for a formula, in full width too."""
+
+
 def as_csv(run: RecordedRun, table: Table, marshalled: Marshalled | None = None) -> str:
     """One table of `run` with a heading, floats in full, the entry's name in front. Raises InputError.
 
     `marshalled` are its laps after a judge's edits, those taken away among them; None where nobody edited any.
     """
-    return _laps(run, marshalled) if table is Table.LAPS else _TABLES[table](run)
+    name, events = run.header.name, run.events()
+    match table:
+        case Table.PASSES:
+            return passes_csv(name, (event for event in events if isinstance(event, Crossing)))
+        case Table.INCIDENTS:
+            return incidents_csv(name, (event for event in events if isinstance(event, Incident)))
+        case Table.LAPS:
+            if marshalled is None:
+                laps = (event for event in events if isinstance(event, Lap))
+                marshalled = Marshalled(laps=tuple(MarshalledLap(lap=lap, raw=(lap,)) for lap in laps))
+            return laps_csv(name, marshalled)
 
 
-def _laps(run: RecordedRun, marshalled: Marshalled | None) -> str:
-    if marshalled is None:
-        marshalled = Marshalled(
-            laps=tuple(MarshalledLap(lap=event, raw=(event,)) for event in run.events() if isinstance(event, Lap))
-        )
+def laps_csv(name: str, marshalled: Marshalled) -> str:
+    """The laps of the run of entry `name`, those that a judge took away behind the others."""
     rows = [(one, False) for one in marshalled.laps] + [(one, True) for one in marshalled.removed]
     sectors = range(1, max((sector.number for one, _ in rows for sector in one.lap.sectors), default=0) + 1)
     columns = [*LAP_COLUMNS, *(f"sector_{k}_{figure}" for k in sectors for figure in ("s", "sigma_s"))]
-    return _table(run, columns, (_lap(one.lap) | _edited(one, removed=removed) for one, removed in rows))
+    return _table(name, columns, (_lap(one.lap) | _edited(one, removed=removed) for one, removed in rows))
 
 
 def _edited(one: MarshalledLap, *, removed: bool) -> dict[str, Any]:
@@ -98,14 +109,14 @@ def _penalty_text(penalty: Penalty) -> str:
     return f"{penalty.offence}: {', '.join(filter(None, costs)) or 'nothing'} ({penalty.reason})"
 
 
-def _passes(run: RecordedRun) -> str:
-    passes = (event for event in run.events() if isinstance(event, Crossing))
-    return _table(run, PASS_COLUMNS, (wire.to_dict(one) | _places(one) for one in passes))
+def passes_csv(name: str, passes: Iterable[Crossing]) -> str:
+    """Every crossing of a line in the run of entry `name`."""
+    return _table(name, PASS_COLUMNS, (wire.to_dict(one) | _places(one) for one in passes))
 
 
-def _incidents(run: RecordedRun) -> str:
-    incidents = (event for event in run.events() if isinstance(event, Incident))
-    return _table(run, INCIDENT_COLUMNS, (wire.to_dict(one) | _places(one) for one in incidents))
+def incidents_csv(name: str, incidents: Iterable[Incident]) -> str:
+    """What happened besides in the run of entry `name`."""
+    return _table(name, INCIDENT_COLUMNS, (wire.to_dict(one) | _places(one) for one in incidents))
 
 
 def _places(event: Crossing | Incident) -> dict[str, float | None]:
@@ -114,12 +125,12 @@ def _places(event: Crossing | Incident) -> dict[str, float | None]:
     return {"x_m": x_m, "y_m": y_m, "u_px": u_px, "v_px": v_px}
 
 
-def _table(run: RecordedRun, columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> str:
+def _table(name: str, columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(("run", *columns))
     for row in rows:
-        writer.writerow([_cell(run.header.name), *(_cell(row.get(column)) for column in columns)])
+        writer.writerow([_cell(name), *(_cell(row.get(column)) for column in columns)])
     return text.getvalue()
 
 
@@ -129,12 +140,6 @@ def _cell(value: object) -> str:
         return ""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+    if isinstance(value, str) and (value.startswith(("\t", "\r", "\n")) or value.lstrip().startswith(_FORMULA_STARTS)):
         return "'" + value
     return str(value)
-
-
-_TABLES: dict[Table, Callable[[RecordedRun], str]] = {
-    Table.PASSES: _passes,
-    Table.INCIDENTS: _incidents,
-}

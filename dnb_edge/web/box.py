@@ -33,6 +33,10 @@ class WebSettings:
     names: tuple[str, ...] = ()
     """Host names by which the box may be called, besides its own name, NAME.local, localhost and its addresses."""
     most_viewers: int = 100
+    most_downloads: int = 8
+    """Recordings that are taken at once; others are told to come again."""
+    download_mb_per_s: float = 24.0
+    """Of all downloads together, megabytes a second: the race writes to the same disk."""
 
 
 class Daemon(Protocol):
