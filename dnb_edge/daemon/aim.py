@@ -19,8 +19,10 @@ from dnb_edge.display.state import BoardState
 from dnb_edge.live.server import LiveServer
 
 TICK_S = 0.25
+WATCHED_S = 0.03
 UNWATCHED_S = 0.25
-"""Time between two frames of a file or the simulator while nobody looks: a camera's cost nothing, theirs are made."""
+"""Time between two frames of a file or the simulator while somebody looks, and while nobody does: a camera's cost nothing,
+theirs are made."""
 
 
 class Board:
@@ -64,8 +66,8 @@ def give_pictures(
             frame = feed.take(TICK_S)
             if frame is not None:
                 server.offer(frame)
-                if not live and not server.watched:
-                    time.sleep(UNWATCHED_S)
+                if not live:
+                    time.sleep(WATCHED_S if server.watched else UNWATCHED_S)
             board.show()
             progress.stepped(captured=feed.progress)
     return True

@@ -28,7 +28,7 @@ from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.last_good import LastGood
 from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.log_aside import log_aside
-from dnb_edge.daemon.loop import Race
+from dnb_edge.daemon.loop import Race, Stop
 from dnb_edge.daemon.machine import MachineWatch
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.recording import recording_settings
@@ -95,7 +95,7 @@ def run_appliance(
     notifier = ServiceNotifier() if notifier is None else notifier
     notifier.status("starting")
     with ExitStack() as stack:
-        stop = live.stop if live is not None else stack.enter_context(stop_signals())
+        stop: Stop = live.stop if live is not None else stack.enter_context(stop_signals())
         source = make_source(options.source_uri, config)
         stack.callback(source.close)
         if source.info.live:

@@ -108,7 +108,7 @@ class Conductor:
         orders = self._orders
         live = LiveRun(
             self._server,
-            stop=orders.begin(),
+            stop=orders,
             notices=self._notices,
             goes_on=lambda: not orders.quits and (self._stays or orders.waits),
             on_begin=self._begun,
@@ -164,7 +164,6 @@ class Conductor:
 
     def _pictures(self, state: State, board: BoardState, *, terminal: bool, until: Callable[[], bool]) -> None:
         """Pictures only, until somebody wishes something else or `until()` holds; a fault is told where no camera is there."""
-        stop = self._orders.begin()
         try:
             uri = self._means.camera_uri()
             with self._means.displays(terminal=terminal) as displays:
@@ -179,8 +178,11 @@ class Conductor:
                         self._server,
                         self._notifier,
                         Board(displays, board, self._notices),
-                        until=lambda: stop.is_set() or until(),
+                        until=lambda: self._orders.is_set() or until(),
                     )
+                    if going:
+                        # A clip begins anew, at its leisure.
+                        time.sleep(SLICE_S)
         except (InputError, TemporaryFault) as error:
             reason = " ".join(str(error).split())
             self._orders.done(reason)
@@ -188,12 +190,11 @@ class Conductor:
 
     def _fault(self, reason: str) -> None:
         """Says what is wrong, and waits a little."""
-        stop = self._orders.begin()
         self._server.show(State(phase=Phase.FAULT, reason=reason))
         until_s = time.monotonic() + WAITS_S[min(self._tries, len(WAITS_S) - 1)]
         self._tries += 1
         self._notifier.feed_now()
-        while not stop.is_set() and time.monotonic() < until_s:
+        while not self._orders.is_set() and time.monotonic() < until_s:
             time.sleep(SLICE_S)
 
 

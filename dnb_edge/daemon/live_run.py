@@ -5,12 +5,12 @@ Knows a run's parts by their values, the server and the orders. Knows no race lo
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
 from dnb_edge.core import CoreSetup
 from dnb_edge.daemon.live_sink import LiveSink
+from dnb_edge.daemon.loop import Stop
 from dnb_edge.daemon.notices import Notices
 from dnb_edge.daemon.scenery import make_scenery
 from dnb_edge.display.service import ServiceNotifier
@@ -28,12 +28,12 @@ class LiveRun:
         self,
         server: LiveServer,
         *,
-        stop: threading.Event,
+        stop: Stop,
         notices: Notices,
         goes_on: Callable[[], bool],
         on_begin: Callable[[], None],
     ) -> None:
-        """`stop` ends the run when it is set; `goes_on` tells, at its end, whether the process lives on."""
+        """`stop` ends the run once it is set; `goes_on` tells, at its end, whether the process lives on."""
         self._server = server
         self._goes_on = goes_on
         self._on_begin = on_begin

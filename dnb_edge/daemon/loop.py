@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import logging
 import re
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge, PictureLimits
@@ -53,6 +53,13 @@ LAST_SYNC_S = 0.5
 log = logging.getLogger(__name__)
 
 
+class Stop(Protocol):
+    """What says that a run is to end, such as an event that a signal sets."""
+
+    def is_set(self) -> bool:
+        """Whether it is to end; asked with each frame."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Race:
     """One run, from the first frame to the last event."""
@@ -66,7 +73,7 @@ class Race:
     displays: Sequence[Display]
     notifier: ServiceNotifier
     recorder: Recorder | None
-    stop: threading.Event
+    stop: Stop
     drift: DriftWatch | None = None
     """Watches whether the camera stays in its place; None where nobody does."""
     machine: Callable[[], MachineState] | None = None

@@ -1,6 +1,6 @@
 """What other processes ask of the daemon, one thing at a time, and how the main thread hears of it.
 
-Knows orders, answers and the event by which a run is told to end. Knows no run and no camera: who fulfils a wish says so here.
+Knows orders and answers. Knows no run and no camera: who fulfils a wish says so here.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ class Orders:
         self._reply: Reply | None = None
         """Of the order that is under way."""
         self._wish: Wish | None = None
-        self._stop = threading.Event()
         self.aims = False
         """Whether somebody aims the camera."""
         self.races = False
@@ -44,17 +43,13 @@ class Orders:
         self.quits = False
         """Whether the process is to end."""
 
-    def begin(self) -> threading.Event:
-        """An event that is set when what begins now is to end: by a wish, or since the process ends."""
-        self._stop = stop = threading.Event()
-        if self.quits or self._wish is not None:
-            stop.set()
-        return stop
-
     def end(self) -> None:
-        """Ends the process, in good order. For signal handlers: takes no lock of ours."""
+        """Ends the process, in good order. For signal handlers: takes no lock."""
         self.quits = True
-        self._stop.set()
+
+    def is_set(self) -> bool:
+        """Whether what is done now is to end: for another wish, or since the process ends. Takes no lock."""
+        return self.quits or self._wish is not None
 
     @property
     def waits(self) -> bool:
@@ -114,7 +109,6 @@ class Orders:
     def _want(self, wish: Wish) -> None:
         with self._lock:
             self._wish = wish
-        self._stop.set()
 
 
 _UNDER_WAY = "something that was asked before is under way: wait for it, and ask again"

@@ -34,7 +34,9 @@ class Caller:
         self._said = bytearray()
         self._asks = itertools.count(1)
         hello = self.hear()
-        assert isinstance(hello, Hello)
+        if not isinstance(hello, Hello):
+            self.close()
+            raise ConnectionRefusedError
         self.hello = hello
 
     def __enter__(self) -> Self:

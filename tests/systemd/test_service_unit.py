@@ -115,8 +115,16 @@ def test_paths_are_granted():
     runs = re.search(r"--record /var/lib/(\S+)", command)[1]
     config = re.search(r"--config /etc/(\S+)/dnb-edge.yaml", command)[1]
     kept = re.search(r"--last-good /var/lib/(\S+)", command)[1]
-    assert {runs, kept} <= set(settings()["StateDirectory"][0].split())
+    setup = re.search(r"--setup /var/lib/(\S+)", command)[1]
+    assert {runs, kept, setup} <= set(settings()["StateDirectory"][0].split())
     assert settings()["ConfigurationDirectory"] == [config]
+
+
+def test_the_socket_is_for_the_group_alone():
+    """It lies in the directory that systemd makes, which others cannot enter, and no other place is named."""
+    assert settings()["RuntimeDirectory"] == ["dnb-edge"]
+    assert settings()["RuntimeDirectoryMode"] == ["0750"]
+    assert "--live" not in settings()["ExecStart"][0]
 
 
 @needs_sysusers
