@@ -16,6 +16,7 @@ VERBS = {
     "demo": "demo:demo",
     "run": "run:run",
     "web": "web:web",
+    "foxglove": "foxglove:foxglove",
     "score": "score:score",
     "table": "table:table",
     "report": "results:report",

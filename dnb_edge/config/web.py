@@ -11,9 +11,22 @@ from typing import Annotated
 from pydantic import BaseModel, Field, ValidationError
 
 from dnb_edge.config.faults import explain
-from dnb_edge.config.sections import STRICT, Text, Whole
+from dnb_edge.config.sections import STRICT, Number, Text, Whole
 from dnb_edge.config.text import KeyPath, parse_lines
 from dnb_edge.errors import InputError
+
+
+class FoxgloveConfig(BaseModel):
+    """The live server for Foxglove, which `dnb-edge foxglove` runs; nothing of it is on without that."""
+
+    model_config = STRICT
+
+    host: Text = "127.0.0.1"
+    """The address to listen at; 0.0.0.0 shows the camera to all in the network, without a code. --host wins."""
+    port: Annotated[Whole, Field(ge=1, le=65535)] = 8765
+    """The port; the command line's --port wins."""
+    pictures_per_s: Annotated[Number, Field(gt=0, le=60)] = 5.0
+    """Camera pictures a second at most, while somebody looks at them."""
 
 
 class WebConfig(BaseModel):
@@ -27,6 +40,8 @@ class WebConfig(BaseModel):
     """The port; the command line's --port wins."""
     names: tuple[Text, ...] = ()
     """Names by which browsers may call the box, besides its own, that with .local, localhost and its addresses."""
+    foxglove: FoxgloveConfig = FoxgloveConfig()
+    """The live server for Foxglove."""
 
 
 class _WebOnly(BaseModel):

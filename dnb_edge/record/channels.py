@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import foxglove
@@ -25,6 +26,9 @@ CAMERA_FRAME = "camera"
 IMAGE_TOPIC = "/camera/image"
 IMAGE_NOTE_TOPIC = "/camera/frame"
 ANNOTATIONS_TOPIC = "/camera/annotations"
+POSE_TOPIC = "/car/pose"
+SCENE_TOPIC = "/scene"
+LOG_TOPIC = "/log"
 DETECTIONS_TOPIC = "/detections"
 EVENT_TOPICS: dict[type, str] = {kind: f"/{name}" for kind, name in wire.EVENT_NAMES.items()}
 """Topic of each kind of event: `/observation`, `/target`, `/crossing`, `/lap`, `/score`, `/health`, `/run`."""
@@ -83,9 +87,9 @@ class RunChannels:
         }
         self._image = typed.CompressedImageChannel(IMAGE_TOPIC, context=context)
         self._annotations = typed.ImageAnnotationsChannel(ANNOTATIONS_TOPIC, context=context)
-        self._pose = typed.PoseInFrameChannel("/car/pose", context=context)
-        self._scene = typed.SceneUpdateChannel("/scene", context=context)
-        self._log = typed.LogChannel("/log", context=context)
+        self._pose = typed.PoseInFrameChannel(POSE_TOPIC, context=context)
+        self._scene = typed.SceneUpdateChannel(SCENE_TOPIC, context=context)
+        self._log = typed.LogChannel(LOG_TOPIC, context=context)
         self._track = scene
         self._images = images
         self._track_drawn = False
@@ -103,11 +107,19 @@ class RunChannels:
         """One frame's detections: exactly, as JSON, and as circles over the picture where pictures are recorded."""
         self._json[DETECTIONS_TOPIC].log(_json_text(found), log_time=found.t_ns)
         if self._images:
-            self._annotations.log(_annotations(found), log_time=found.t_ns)
+            self.annotate(found.t_ns, found.detections)
+
+    def annotate(self, t_ns: int, found: Sequence[values.Detection | values.Observation]) -> None:
+        """What was found in the frame at `t_ns`, as circles over its picture."""
+        self._annotations.log(_annotations(t_ns, found), log_time=t_ns)
+
+    def exactly(self, event: values.Event, t_ns: int) -> None:
+        """One event as JSON with log time `t_ns`, and nothing else."""
+        self._json[EVENT_TOPICS[type(event)]].log(_json_text(event), log_time=t_ns)
 
     def event(self, event: values.Event, t_ns: int) -> None:
         """One event, exactly, as JSON with log time `t_ns`, and what the 3D and log panels make of it."""
-        self._json[EVENT_TOPICS[type(event)]].log(_json_text(event), log_time=t_ns)
+        self.exactly(event, t_ns)
         match event:
             case values.Target(state=values.TargetState.CONFIRMED | values.TargetState.COASTING):
                 self._target(event)
@@ -133,9 +145,22 @@ class RunChannels:
         line = fg.Log(timestamp=stamp(t_ns), level=level, message=message, name="dnb-edge")
         self._log.log(line, log_time=t_ns)
 
-    def draw_track(self, t_ns: int) -> None:
-        """The route and the lines, the first time it is called; they stay for the whole run."""
-        if self._track is None or self._track_drawn:
+    def begin(self, scene: TrackScene | None, t_ns: int) -> None:
+        """Another run begins, on this track: nothing of the one before is drawn or remembered any more."""
+        self._track, self._track_drawn = scene, False
+        for memory in (self._trails, self._yaw_rad, self._scene_due_ns):
+            memory.clear()
+        gone = fg.SceneEntityDeletion(timestamp=stamp(t_ns), type=fg.SceneEntityDeletionType.All)
+        self._scene.log(fg.SceneUpdate(deletions=[gone]), log_time=t_ns)
+
+    @property
+    def wants_images(self) -> bool:
+        """Whether anything takes the pictures: a file always does, a server while somebody looks at them."""
+        return self._image.has_sinks()
+
+    def draw_track(self, t_ns: int, *, again: bool = False) -> None:
+        """The route and the lines, the first time it is called, or `again` for who has come later; they stay for the run."""
+        if self._track is None or (self._track_drawn and not again):
             return
         self._track_drawn = True
         route = self._track.route_m
@@ -206,8 +231,19 @@ def _json_text(value: object) -> str:
     return json.dumps(wire.to_dict(value), allow_nan=False)
 
 
-def _annotations(found: values.FrameDetections) -> fg.ImageAnnotations:
-    when = stamp(found.t_ns)
+def event_t_ns(event: values.Event, last_t_ns: int) -> int:
+    """The event's own stamp; for those that have none `last_t_ns`, the last frame's."""
+    match event:
+        case values.Lap() | values.Incident():
+            return event.end_t_ns
+        case values.Score() | values.RunSummary():
+            return last_t_ns
+        case _:
+            return event.t_ns
+
+
+def _annotations(t_ns: int, found: Sequence[values.Detection | values.Observation]) -> fg.ImageAnnotations:
+    when = stamp(t_ns)
     circles = [
         fg.CircleAnnotation(
             timestamp=when,
@@ -216,16 +252,16 @@ def _annotations(found: values.FrameDetections) -> fg.ImageAnnotations:
             thickness=2.0,
             outline_color=_CAR_COLOUR,
         )
-        for one in found.detections
+        for one in found
     ]
     points = fg.PointsAnnotation(
         timestamp=when,
         type=fg.PointsAnnotationType.Points,
-        points=[fg.Point2(x=one.camera_px[0], y=one.camera_px[1]) for one in found.detections],
+        points=[fg.Point2(x=one.camera_px[0], y=one.camera_px[1]) for one in found],
         outline_color=_CAR_COLOUR,
         thickness=4.0,
     )
-    return fg.ImageAnnotations(timestamp=when, circles=circles, points=[points] if found.detections else [])
+    return fg.ImageAnnotations(timestamp=when, circles=circles, points=[points] if found else [])
 
 
 def _pose(track_m: PointM, yaw_rad: float) -> fg.Pose:

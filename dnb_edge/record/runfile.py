@@ -16,25 +16,10 @@ import foxglove
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions, MCAPWriter
 from foxglove.messages import LogLevel
 
-from dnb_edge.record.channels import ImageNote, RunChannels, TrackScene
+from dnb_edge.record.channels import ImageNote, RunChannels, TrackScene, event_t_ns
 from dnb_edge.record.durable import DurableFile
 from dnb_edge.record.header import CONTINUES_METADATA_NAME, LOSS_METADATA_NAME, METADATA_NAME, SETUP_NAME
-from dnb_edge.values import (
-    Crossing,
-    Event,
-    Frame,
-    FrameDetections,
-    Health,
-    Incident,
-    Lap,
-    Observation,
-    RaceState,
-    Running,
-    RunSummary,
-    Score,
-    Standings,
-    Target,
-)
+from dnb_edge.values import Event, Frame, FrameDetections
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +133,7 @@ class RunFile:
                 when_ns = self._last_t_ns if item.t_ns is None else item.t_ns
                 self._channels.log(item.message, when_ns, level=LogLevel.Warning)
             case _:
-                self._channels.event(item, _event_t_ns(item, self._last_t_ns))
+                self._channels.event(item, event_t_ns(item, self._last_t_ns))
 
     def sync(self) -> bool:
         """Bring all that was written to the disk; True where it is there."""
@@ -192,14 +177,3 @@ def error_words(error: BaseException | None) -> str:
             return "the disk is full"
         return os.strerror(error.errno).lower()
     return str(error)
-
-
-def _event_t_ns(event: Event, last_t_ns: int) -> int:
-    """The event's own stamp; for those that have none, the last frame's."""
-    match event:
-        case Observation() | Target() | Crossing() | Health() | Running() | RaceState() | Standings():
-            return event.t_ns
-        case Lap() | Incident():
-            return event.end_t_ns
-        case Score() | RunSummary():
-            return last_t_ns
