@@ -1,4 +1,4 @@
-"""`dnb-edge runs`: the recordings in a directory: list them, recover those that were cut short, export what they say.
+"""`dnb-edge runs`: the recordings in a directory: list them, recover what was cut short, export what they say, copy them.
 
 Knows how to show; `record` knows how to read. Registered by `cli.main` as a sub-app.
 """
@@ -20,6 +20,7 @@ from dnb_edge.archive.replayed import replay
 from dnb_edge.archive.run_csv import Table as Exported
 from dnb_edge.archive.run_csv import as_csv
 from dnb_edge.cli.replay_options import WithEdits
+from dnb_edge.cli.runs_copy import copy, copy_home
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record.chain import continued
 from dnb_edge.record.durable import PART_SUFFIX
@@ -28,7 +29,8 @@ from dnb_edge.record.reader import read_run
 from dnb_edge.record.recover import Leftover, Recovery, recover_directory, recover_file
 from dnb_edge.record.retention import Limits, pin, prune, unpin
 
-app = typer.Typer(help="List, recover, prune, pin and export recordings.", no_args_is_help=True)
+app = typer.Typer(help="List, recover, prune, pin, export and copy recordings.", no_args_is_help=True)
+app.command("copy")(copy)
 
 Directory = Annotated[Path, typer.Argument(help="The directory with the recordings.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout.")]
@@ -148,13 +150,25 @@ def export(
             "--output", "-o", help="File to write; stdout without it. With --what all: NAME-laps.csv and so on."
         ),
     ] = None,
-    what: Annotated[What, typer.Option(help="Laps, passes of all lines, incidents, or each in a file.")] = What.LAPS,
+    what: Annotated[
+        What | None, typer.Option(help="Laps (default), passes of all lines, incidents, or each in a file.")
+    ] = None,
     edits: WithEdits = True,
+    to: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Copy all recordings of the directory RUN to a stick, as `runs copy` does."),
+    ] = None,
 ) -> None:
     """Write the laps of RUN as CSV, or its passes or incidents.
 
     Laps are as a judge left them, with what the race said beside it; --no-edits gives that alone.
     """
+    if to is not None:
+        if output is not None or what is not None or not edits:
+            raise InputError("--to: copies whole recordings: leave --output, --what and --no-edits out")
+        copy_home(run, to)
+        return
+    what = what or What.LAPS
     marshalled = replay(run).marshalled if edits and edits_path(run).exists() else None
     if what is not What.ALL:
         text = as_csv(read_run(run), Exported(what.value), marshalled)
