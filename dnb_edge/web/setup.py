@@ -19,6 +19,7 @@ from starlette.responses import JSONResponse, Response
 
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.track.twin import load_twin
+from dnb_edge.view.photograph import SEAM_M
 from dnb_edge.web import setup_look, setup_save, setup_steps, setup_track, setup_upload
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, SMALL_BODY_BYTES, Access, Endpoint, Handler, Method, Refused
@@ -42,9 +43,11 @@ from dnb_edge.web.setup_models import (
     LineBody,
     LinesBody,
     LookAnswer,
+    LookQuery,
     RouteBody,
     SaveAnswer,
     SetupAnswer,
+    VersionQuery,
 )
 from dnb_edge.web.setup_teach import Teacher
 
@@ -112,7 +115,7 @@ class Setup:
         def changed(draft: Draft) -> Draft:
             return draft.model_copy(
                 update={
-                    "route": RouteChoice(closed=body.closed, waypoints_px=body.waypoints_px),
+                    "route": RouteChoice(**{name: getattr(body, name) for name in RouteChoice.model_fields}),
                     "scale": body.scale,
                     "name": draft.name if body.name is None else body.name,
                 }
@@ -157,9 +160,7 @@ class Setup:
 
     async def look(self, request: Request) -> Response:
         """GET /api/v1/setup/look?after=T_NS."""
-        after = request.query_params.get("after", "")
-        newer_than_ns = int(after) if after.isascii() and after.isdecimal() and len(after) < 19 else None
-        picture = await self._box.daemon.picture(newer_than_ns=newer_than_ns)
+        picture = await self._box.daemon.picture(newer_than_ns=request.state.query.after)
         found = await run_in_threadpool(self._looked, picture.jpeg)
         return _json(
             LookAnswer(
@@ -236,7 +237,8 @@ class Setup:
                 update={
                     "twin": stored,
                     "lane": None,
-                    "route": RouteChoice(closed=draft.route.closed),
+                    # Tape across the lane is no end of it.
+                    "route": RouteChoice(closed=draft.route.closed, close_gap_px=round(SEAM_M / metres_per_px, 1)),
                     "scale": ScaleChoice(metres_per_px=metres_per_px),
                     "lines": Lines(),
                     "pairs": pairs,
@@ -343,13 +345,20 @@ def endpoints(box: Box) -> tuple[Endpoint, ...]:
     setup = Setup(box)
     teacher = Teacher(box.settings)
     upload = partial(_api, body_types=_IMAGES)
-    picture = partial(_api, answer=None, answer_types=_IMAGES)
+    picture = partial(_api, answer=None, query=VersionQuery)
     return (
         Endpoint(method="GET", path="/setup", access=Access.CHANGE, handler=setup.page, summary="The set-up's page"),
         _api("GET", "", setup.get, "The draft of the set-up and how far it is"),
         _api("DELETE", "", setup.discard, "Forget the draft; what is in place stays"),
         _api("PUT", "/camera", setup.camera, "What is asked of the camera", body=CameraChoice),
-        _api("GET", "/look", setup.look, "How sharp and how well exposed the picture is", answer=LookAnswer),
+        _api(
+            "GET",
+            "/look",
+            setup.look,
+            "How sharp and how well exposed the picture is",
+            answer=LookAnswer,
+            query=LookQuery,
+        ),
         _api("POST", "/photo", setup.take, "Keep the camera's picture to click keypoints on"),
         upload("PUT", "/photo", setup.upload_photo, "Give a picture of the camera's view instead"),
         picture("GET", "/picture.jpg", setup.photo_picture, "The kept picture"),
@@ -375,7 +384,7 @@ def _api(
     body: type[BaseModel] | None = None,
     body_types: tuple[str, ...] = (),
     answer: type[BaseModel] | None = SetupAnswer,
-    answer_types: tuple[str, ...] = (),
+    query: type[BaseModel] | None = None,
 ) -> Endpoint:
     return Endpoint(
         method=method,
@@ -386,7 +395,8 @@ def _api(
         body=body,
         body_types=body_types,
         answer=answer,
-        answer_types=answer_types,
+        answer_types=_IMAGES if answer is None else (),
+        query=query,
         most_body_bytes=setup_upload.MOST_BYTES if body_types else SMALL_BODY_BYTES,
     )
 

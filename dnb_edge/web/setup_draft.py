@@ -92,6 +92,8 @@ class RouteChoice(Part):
     closed: bool = True
     waypoints_px: Annotated[tuple[Px, ...], Field(max_length=MOST_WAYPOINTS)] = ()
     """Twin px, in the order of driving; none for the only loop."""
+    close_gap_px: Positive | None = None
+    """The widest seam across the lane that is closed, such as the start line's tape, twin px; none for a little."""
 
 
 class Measured(Part):

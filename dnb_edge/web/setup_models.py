@@ -76,6 +76,24 @@ class FlattenBody(Part):
     height_m: Annotated[Number, Field(gt=0, le=100)]
 
 
+class LookQuery(BaseModel):
+    """Which picture."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    after: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    """t_ns of the picture that was looked at already: the answer waits for another one."""
+
+
+class VersionQuery(BaseModel):
+    """Which version of a picture: for the browser, whose copy it tells from another."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    v: Annotated[str, Field(max_length=64)] | None = None
+    """Any text."""
+
+
 class Answered(BaseModel):
     """What every answer obeys."""
 

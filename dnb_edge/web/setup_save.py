@@ -98,6 +98,7 @@ def _sections(
     lines = draft.lines
     for key, value in (
         ("waypoints_px", draft.route.waypoints_px),
+        ("close_gap_px", draft.route.close_gap_px),
         ("start_line_px", lines.start_px),
         ("finish_line_px", lines.finish_px),
         ("sector_lines_px", lines.sectors_px),

@@ -70,9 +70,20 @@ def understood(draft: Draft, folder: Path) -> Understood:
 
     Takes seconds for a twin that is new, next to nothing for what was asked before.
     """
-    track = track_of(draft, None if draft.twin is None else folder / draft.twin.file)
+    track = _track(
+        Draft(
+            name=draft.name, twin=draft.twin, lane=draft.lane, route=draft.route, scale=draft.scale, lines=draft.lines
+        ),
+        folder,
+    )
     metric = None if track.scale is None else track.track
     return Understood(draft=draft, track=track, keypoints=keypoints_of(draft, track.scale, metric))
+
+
+@lru_cache(maxsize=2)
+def _track(draft: Draft, folder: Path) -> TrackFound:
+    """The track alone, which stays as it is while keypoints are clicked."""
+    return track_of(draft, None if draft.twin is None else folder / draft.twin.file)
 
 
 def answer(known: Understood, *, configured: bool) -> SetupAnswer:

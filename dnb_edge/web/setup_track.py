@@ -61,29 +61,27 @@ class TrackFound:
 def track_of(draft: Draft, twin: Path | None) -> TrackFound:
     """The track that the draft makes of the twin at `twin`."""
     if draft.twin is None or twin is None or draft.lane is None:
-        return TrackFound(found=RouteFound())
+        return TrackFound(found=RouteFound(), scale=scale_of(draft, None))
     found = _route(twin, draft.lane, draft.route)
     if found.route is None:
-        return TrackFound(found=found)
+        return TrackFound(found=found, scale=scale_of(draft, None))
     scale = scale_of(draft, found.route)
     settings = settings_of(draft, scale)
     laid_out_in = scale or TwinScale(metres_per_px=1.0, height_px=float(draft.twin.height_px))
     bare = replace(settings, start_line_px=None, finish_line_px=None, sector_lines_px=())
-    try:
-        track = track_from_route(found.route, laid_out_in, bare, source=TWIN)
-    except InputError as error:
-        return TrackFound(found=replace(found, fault=str(error)), scale=scale)
-    line_fault = sector_fault = None
-    try:
-        lined = replace(settings, sector_lines_px=())
-        track = track_from_route(found.route, laid_out_in, lined, source=TWIN)
+    lined = replace(settings, sector_lines_px=())
+    # All of it where it fits together; else as much as does, and what is wrong with the rest.
+    faults: list[str] = []
+    for part in (settings, lined, bare):
         try:
-            track = track_from_route(found.route, laid_out_in, settings, source=TWIN)
+            track = track_from_route(found.route, laid_out_in, part, source=TWIN)
         except InputError as error:
-            sector_fault = str(error)
-    except InputError as error:
-        line_fault = str(error)
-    return TrackFound(found=found, scale=scale, track=track, line_fault=line_fault, sector_fault=sector_fault)
+            faults.append(str(error))
+            continue
+        line_fault = faults[1] if len(faults) == 2 else None
+        sector_fault = faults[0] if len(faults) == 1 else None
+        return TrackFound(found=found, scale=scale, track=track, line_fault=line_fault, sector_fault=sector_fault)
+    return TrackFound(found=replace(found, fault=faults[-1]), scale=scale)
 
 
 def settings_of(draft: Draft, scale: TwinScale | None) -> TrackSettings:
@@ -98,6 +96,7 @@ def settings_of(draft: Draft, scale: TwinScale | None) -> TrackSettings:
         finish_line_px=draft.lines.finish_px,
         sector_lines_px=draft.lines.sectors_px,
         waypoints_px=draft.route.waypoints_px,
+        close_gap_px=draft.route.close_gap_px,
     )
 
 
@@ -200,7 +199,11 @@ def flattened(
 @lru_cache(maxsize=4)
 def _route(twin: Path, lane: LaneChoice, route: RouteChoice) -> RouteFound:
     settings = TrackSettings(
-        name="track", lane_colour=lane_of(lane), closed=route.closed, waypoints_px=route.waypoints_px
+        name="track",
+        lane_colour=lane_of(lane),
+        closed=route.closed,
+        waypoints_px=route.waypoints_px,
+        close_gap_px=route.close_gap_px,
     )
     try:
         if not route.closed and len(route.waypoints_px) < 2:
@@ -216,6 +219,15 @@ def _route(twin: Path, lane: LaneChoice, route: RouteChoice) -> RouteFound:
 
 def _for_pages(text: str) -> str:
     """An error's line without the command line's options."""
-    for option in (" (close_gap_px, --close-gap-px)", " (--waypoint u,v, waypoints_px)", "; --overlay draws the loops"):
-        text = text.replace(option, "")
+    for option, instead in _OPTIONS.items():
+        text = text.replace(option, instead)
     return text
+
+
+_OPTIONS = {
+    " (close_gap_px, --close-gap-px)": " below",
+    " (closed: false, --open)": " (no closed loop)",
+    " (--waypoint u,v, waypoints_px)": "",
+    "; --overlay draws the loops": "",
+}
+"""What the command line calls things, and the page."""

@@ -71,6 +71,12 @@ export function routeStep(setup) {
     button.addEventListener("click", () => setup.change(() => ask("PUT", "lane", { shade: button.dataset.shade })));
   }
   byId("closed").addEventListener("change", (event) => keep({ closed: event.target.checked }));
+  byId("seam").addEventListener("change", (event) => {
+    const text = event.target.value.trim();
+    const close_gap_px = text === "" ? null : metres(text);
+    if (close_gap_px !== null && !(close_gap_px > 0)) { setup.trouble("The seam must be a number of pixels, such as 12."); return; }
+    keep({ close_gap_px });
+  });
   byId("scale-kind").addEventListener("change", () => {
     byId("scale-label").textContent = LABELS[byId("scale-kind").value];
     byId("scale-value").value = "";
@@ -108,6 +114,7 @@ export function routeStep(setup) {
       view.show(address, size);
       if (answer.draft.twin === null) ends = [];
       fill(answer.draft);
+      if (document.activeElement !== byId("seam")) byId("seam").value = answer.draft.route.close_gap_px ?? "";
       byId("closed").checked = answer.draft.route.closed;
       byId("lane-said").textContent = laneSaid(answer.draft.lane);
       byId("route-said").textContent = trackSaid(answer.track);

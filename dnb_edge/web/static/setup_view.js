@@ -59,7 +59,7 @@ export class PictureView {
       const first = this.#image === null || String(this.#size) !== String(size);
       this.#image = image;
       this.#size = size;
-      if (first) this.fit();
+      if (first) { this.#shape(); this.fit(); }
       this.draw();
     };
     image.onerror = () => { this.#image = null; this.draw(); };
@@ -71,7 +71,7 @@ export class PictureView {
     const first = this.#image === null || String(this.#size) !== String(size);
     this.#image = image;
     this.#size = size;
-    if (first) this.fit();
+    if (first) { this.#shape(); this.fit(); }
     this.draw();
   }
 
@@ -113,6 +113,9 @@ export class PictureView {
 
   /** Where a place of the picture is on the page, CSS px from the canvas's corner: for tests and for help. */
   where(px) { return this.#toCss([px[0] + 0.5, px[1] + 0.5]); }
+
+  /** As high as the picture wants, within what the style sheet lets it. */
+  #shape() { this.#canvas.style.aspectRatio = `${this.#size[0]} / ${this.#size[1]}`; }
 
   draw() {
     if (this.#frame !== 0) return;
@@ -402,7 +405,7 @@ function paintItem(pen, item, at, chosen) {
   pen.setLineDash([]);
   if (item.kind === "arrow") head(pen, points.at(-2), points.at(-1), colour);
   if (item.forward) forwardArrow(pen, points, colour);
-  if (item.text) label(pen, item.text, (points[0][0] + points[1][0]) / 2 + 8, (points[0][1] + points[1][1]) / 2 - 8, colour);
+  if (item.text) label(pen, item.text, points[0][0] + 6, points[0][1] - 8, colour);
 }
 
 // Standing at the first end and looking to the second, cars drive to the left: up on the track plane, where v points down.
