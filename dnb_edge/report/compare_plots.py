@@ -22,6 +22,8 @@ from dnb_edge.track.model import Track
 from dnb_edge.values import Lap
 
 _LONGEST_NAME = 28
+_LEAST_S = 0.01
+"""Half the height of the panel of time lost, at least."""
 _SPREAD = 0.28
 """Laps of a row are drawn so far apart at most, as a share of the row."""
 
@@ -72,20 +74,23 @@ def best_laps_picture(best: Sequence[BestLap], track: Track, *, picture_format: 
     figure = Figure(figsize=(9.0, 6.4), dpi=DPI, facecolor=PAPER, layout="constrained")
     speeds, deltas = figure.subplots(2, 1, sharex=True)
     start_m, end_m = lap_start_m(track), sector_ends_m(track)[-1]
-    first = drawn[0][1]
+    first, most_s = drawn[0][1], 0.0
     for place, (one, trace) in enumerate(drawn):
         style = line_style(place, best=place == 0)
         profile = speed_profile(trace)
-        label = f"{place + 1}. {_short(one.name)}: {official_s(one.lap):.3f} s"
+        label = f"{place + 1}. {_short(one.name)}, {_short(one.run)}: {official_s(one.lap):.3f} s"
         seen = np.where(profile.seen, profile.speed_mps, np.nan)
         speeds.plot(start_m + profile.way_m, seen, label=label, **style)
         behind = delta_profile(trace, first)
         deltas.plot(start_m + behind.way_m, behind.delta_s, **style)
+        most_s = max(most_s, float(np.abs(behind.delta_s).max()))
     for axes in (speeds, deltas):
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=INK, labelsize=10)
         axes.set_xlim(start_m, start_m + end_m)
     speeds.set_ylim(bottom=0.0)
+    if most_s < _LEAST_S:
+        deltas.set_ylim(-_LEAST_S, _LEAST_S)
     speeds.set_ylabel("speed (m/s)", color=INK)
     deltas.set_ylabel("behind the first (s)", color=INK)
     deltas.set_xlabel("along the route, s (m)", color=INK)
@@ -111,7 +116,7 @@ def _is_of(trial: Trial, row: EntryRow) -> bool:
 def _dots(axes: Axes, place: int, values: Sequence[float]) -> None:
     """Laps in their order from the row's top to its bottom."""
     heights = place + np.linspace(-_SPREAD, _SPREAD, len(values)) if len(values) > 1 else [place] * len(values)
-    axes.plot(values, heights, "o", markersize=4.0, color=colour(place), alpha=0.55, markeredgewidth=0)
+    axes.plot(values, heights, "o", markersize=4.0, color=colour(place), alpha=0.75, markeredgewidth=0)
 
 
 def _mean(axes: Axes, place: int, mean: float | None, low: float | None, high: float | None) -> None:

@@ -75,8 +75,9 @@ def render_session(
     """The whole page, the same text for the same runs."""
     best = [one for part in runs.parts for one in part.best]
     laps = [lap for trial in trials for lap in trial.laps]
+    valid = sum(lap.valid for lap in laps)
     facts = (
-        f"{len(runs.parts)} runs, {len(table.rows)} entries, {sum(lap.valid for lap in laps)} valid laps of {len(laps)}"
+        f"{_counted(len(runs.parts), 'run')}, {_counted(len(table.rows), 'entry')}, {valid} valid of {len(laps)} laps"
     )
     bare = f" Of {runs.without_pictures} runs there are no pictures here: {_TOO_LARGE}" if runs.without_pictures else ""
     body = [
@@ -94,8 +95,18 @@ def render_session(
 _TOO_LARGE = "the page would be too large. `dnb-edge report RUN` shows them."
 
 
+def _counted(count: int, what: str) -> str:
+    """`1 entry`, `2 entries`."""
+    if count == 1:
+        return f"1 {what}"
+    return f"{count} {what[:-1]}ies" if what.endswith("y") else f"{count} {what}s"
+
+
 def _entries(table: ResultTable) -> str:
-    headings, *rows = zip(*table_columns(table.rows), strict=True)
+    columns = [[cell.replace("+-", PLUS_MINUS) for cell in column] for column in table_columns(table.rows)]
+    headings, *rows = zip(*columns[1:], strict=True)
+    names = [row.label for row in table.rows]
+    headings, rows = ("Entry", *headings), [(name, *row) for name, row in zip(names, rows, strict=True)]
     notes = "".join(f"<li>{text(note)}</li>" for note in (*table.notes, INTERVALS))
     return plain_table("Means over the valid laps, penalties included", headings, rows) + f"\n<ul>{notes}</ul>"
 

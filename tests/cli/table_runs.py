@@ -22,7 +22,17 @@ from dnb_edge.track.centreline import Centreline
 from dnb_edge.track.line import line_across
 from dnb_edge.track.model import Track
 from dnb_edge.track.scale import TwinScale
-from dnb_edge.values import Clock, Detection, EntryInfo, FrameDetections, PointM, SourceInfo
+from dnb_edge.values import (
+    Clock,
+    Detection,
+    EntryInfo,
+    Frame,
+    FrameDetections,
+    Health,
+    PointM,
+    SourceInfo,
+    StampSource,
+)
 from dnb_edge.view.ground import GroundMap
 
 FPS = 30.0
@@ -82,27 +92,43 @@ class Car:
         return sum(self.lap_times_s) + self.lap_times_s[0] * -self.start_rad / (2 * math.pi) + 0.6
 
 
-def record(directory: Path, file: str, *cars: Car, made: CoreSetup | None = None, **header: Any) -> Path:
-    """A finished recording of `cars` in `file`; keywords are the header's."""
+def record(
+    directory: Path,
+    file: str,
+    *cars: Car,
+    made: CoreSetup | None = None,
+    image_fps: float | None = None,
+    health: Sequence[Health] = (),
+    **header: Any,
+) -> Path:
+    """A finished recording of `cars` in `file`, with grey pictures where `image_fps` is given; keywords are the header's."""
     made = made if made is not None else setup()
+    told: dict[str, Any] = {"name": "net", "source": SOURCE, "config": {}} | header
     start = RunHeader(
-        setup={"core": made.to_dict(), "calibration": {}, "sha256": {}},
-        config={},
-        source=SOURCE,
-        identity=identity_of(made).to_dict(),
-        **({"name": "net"} | header),
+        setup={"core": made.to_dict(), "calibration": {}, "sha256": {}}, identity=identity_of(made).to_dict(), **told
     )
     if "entry" in header:
         start = replace(start, name=header["entry"].name)
     directory.mkdir(parents=True, exist_ok=True)
     writer = Recorder(
-        RecordingSettings(directory=directory, image_fps=None, lossless=True, sync_period_s=3600.0), start, None
+        RecordingSettings(directory=directory, image_fps=image_fps, lossless=True, sync_period_s=3600.0), start, None
     )
     for k in range(int(max((car.lasts_s for car in cars), default=1.0) * FPS)):
         t_ns = round(k * 1e9 / FPS)
         found = tuple(_detection(car, t_ns * 1e-9) for car in cars)
+        if image_fps is not None:
+            writer.add_frame(_picture(k, t_ns))
         writer.add_detections(FrameDetections(sequence=k, t_ns=t_ns, detections=found, full_frame=True))
+    for one in health:
+        writer.add_event(one)
     return writer.close().rename(directory / file)
+
+
+def _picture(sequence: int, t_ns: int) -> Frame:
+    grey = np.full((GROUND.height_px, GROUND.width_px, 3), 90, np.uint8)
+    return Frame(
+        sequence=sequence, t_ns=t_ns, stamp_source=StampSource.SIMULATED, width_px=1000, height_px=1000, bgr=grey
+    )
 
 
 def entry(name: str, version: str = "", checkpoint: str | None = None) -> EntryInfo:
