@@ -9,10 +9,12 @@ from typing import Annotated
 
 import typer
 
-from dnb_edge.cli.web import SYSTEM_CONFIG, SYSTEM_SOCKET
 from dnb_edge.config.web import FoxgloveConfig, load_web
 from dnb_edge.web.foxglove_layout import layout_text
 from dnb_edge.web.foxglove_server import FoxgloveSettings, serve
+
+SYSTEM_CONFIG = Path("/etc/dnb-edge/dnb-edge.yaml")
+SYSTEM_SOCKET = Path("/run/dnb-edge/live.sock")
 
 
 def foxglove(

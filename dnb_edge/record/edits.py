@@ -131,7 +131,7 @@ def append_edit(log: EditLog, edit: Edit, identity: RunIdentity) -> EditLog:
 def _write(path: Path, lines: bytes, whole_bytes: int) -> None:
     """Puts `lines` behind the first `whole_bytes`; what a power cut left behind those was never said to be saved."""
     new = not path.exists()
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o664)
     try:
         os.ftruncate(descriptor, whole_bytes)
         os.lseek(descriptor, 0, os.SEEK_END)
