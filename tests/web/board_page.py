@@ -21,6 +21,7 @@ from dnb_edge.web.static_files import TYPES, StaticFiles
 
 CHROMIUM = Path("/usr/bin/chromium")
 HOST = "http://localhost"
+PATIENCE_MS = 15_000
 
 
 class Stream:
@@ -94,6 +95,7 @@ class Site:
         context = self._browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, base_url=HOST, **context
         )
+        context.set_default_timeout(PATIENCE_MS)
         page = context.new_page()
         page.on("pageerror", lambda error: self.faults.append(str(error)))
         page.on("console", lambda line: self.faults.append(line.text) if line.type == "error" else None)
@@ -101,6 +103,11 @@ class Site:
         stream = Stream() if stream is None else stream
         page.route_web_socket("**/api/v1/live*", stream.opened)
         return page
+
+    def close_all(self):
+        """Closes every page: each that is left open goes on painting."""
+        for context in self._browser.contexts:
+            context.close()
 
     def _answer(self, route):
         address = urlsplit(route.request.url)
@@ -130,6 +137,6 @@ def site() -> Iterator[Site]:
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 only where there is a browser
 
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
+        browser = play.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
         yield Site(browser)
         browser.close()

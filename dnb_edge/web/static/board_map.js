@@ -13,6 +13,7 @@ export class TrackMap {
   #view = null;
   #colours = null;
   #stale = true;
+  #painted = "";
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -34,10 +35,13 @@ export class TrackMap {
     this.#stale = true;
   }
 
-  /** Paint: `cars` is [{place, path, best, ghost, shown, number}], places as Traces gives them. True where there was anything to do. */
+  /** Paint, where anything has changed: `cars` is [{place, path, best, ghost, shown, number, label}], places as Traces gives them. */
   paint(cars) {
-    if (this.#scenery === null) return false;
-    if (this.#stale && !this.#prepare()) return false;
+    if (this.#scenery === null) return;
+    const seen = JSON.stringify(cars.map((car) => [car.number, car.shown, car.place, car.path.length, car.best?.length, car.ghost]));
+    if (seen === this.#painted && !this.#stale) return;
+    if (this.#stale && !this.#prepare()) return;
+    this.#painted = seen;
     const context = this.#canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
@@ -52,7 +56,6 @@ export class TrackMap {
       if (car.ghost !== null) this.#dot(context, car.ghost, this.#colours.best, 7 * unit, true);
     }
     for (const car of cars) if (car.place !== null) this.#car(context, car, unit);
-    return true;
   }
 
   #prepare() {
