@@ -237,6 +237,8 @@ def _walk(stream: BinaryIO, before: Walked) -> tuple[Walked, Walked]:
         opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
         whole = opcode != 0 and length <= MAX_RECORD_BYTES and offset + _HEAD.size + length <= size
         if chunk_at is not None and not (whole and opcode == Opcode.MESSAGE_INDEX):
+            # Of the last chunk not all message indexes may be there yet.
+            counts = counts if whole else []
             if not _learned(stream, chunk_at, counts, topics):
                 return going_on, Walked(offset=chunk_at, topics=topics, chunks=tuple(chunks))
             start_t_ns, end_t_ns = _times(stream, chunk_at)

@@ -33,6 +33,8 @@ E = TypeVar("E")
 
 _LAP_TOPIC = EVENT_TOPICS[Lap]
 _ID_BYTES = 12
+_MARK_BYTES = 64
+"""A chunk's stamps, lengths and checksum."""
 
 
 class FileState(StrEnum):
@@ -177,6 +179,8 @@ class _Kept:
 
     def __init__(self, inode: int) -> None:
         self.inode = inode
+        self.mark: tuple[int, bytes] | None = None
+        """Where some of its bytes stand, which another file that came to this name and inode would not have there."""
         self.key: tuple[int, int] | None = None
         """Its size and its time at the last look."""
         self.seen: SeenFile | None = None
@@ -258,9 +262,10 @@ class RunIndex:
             return None
         stem, key = stem_of(path), (found.st_size, found.st_mtime_ns)
         kept = self._kept.get(stem)
-        if kept is None or kept.inode != found.st_ino:
+        known = kept is not None and kept.key == key and kept.seen is not None and kept.seen.path == path
+        if kept is None or kept.inode != found.st_ino or not (known or _has_mark(kept, path)):
             kept = self._kept[stem] = _Kept(found.st_ino)
-        if kept.seen is None or kept.key != key or kept.seen.path != path:
+        if kept.seen is None or not known:
             kept.seen, kept.key = _seen(kept, path, *key), key
         if path.name.endswith(PART_SUFFIX):
             # Whether somebody writes it can change without its content.
@@ -272,13 +277,14 @@ class RunIndex:
         kept = self._kept.get(file.stem)
         if file.contents is not None and file.contents.complete:
             return chunks_of(file.path) or ()
-        return () if kept is None or kept.chunks is None else kept.chunks
+        return walk(file.path)[1].chunks if kept is None or kept.chunks is None else kept.chunks
 
     def _file_laps(self, file: SeenFile) -> Iterable[Lap]:
-        kept = self._kept.get(file.stem)
-        if kept is None or file.contents is None or not file.contents.counts.get(_LAP_TOPIC):
+        if file.contents is None or not file.contents.counts.get(_LAP_TOPIC):
             return ()
-        if kept.laps_key != kept.key:
+        # Somebody may know a run by another index, or it has gone since: nothing is remembered then.
+        kept = self._kept.get(file.stem) or _Kept(0)
+        if kept.laps_key is None or kept.laps_key != kept.key:
             last = max(kept.laps, default=-1)
             fresh = [chunk for chunk in self._chunks(file) if chunk.offset > last]
             found: dict[int, list[Lap]] = {}
@@ -287,6 +293,24 @@ class RunIndex:
             kept.laps |= {offset: tuple(laps) for offset, laps in found.items()}
             kept.laps_key = kept.key
         return [lap for offset in sorted(kept.laps) for lap in kept.laps[offset]]
+
+
+def _has_mark(kept: _Kept, path: Path) -> bool:
+    """Whether the file has grown out of the one that is remembered, or got its final name."""
+    if kept.mark is None:
+        return False
+    offset, expected = kept.mark
+    return _bytes_at(path, offset) == expected
+
+
+def _bytes_at(path: Path, offset: int) -> bytes | None:
+    """Some bytes of the file from `offset` on; None where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(offset)
+            return stream.read(_MARK_BYTES)
+    except OSError:
+        return None
 
 
 def _is_recording(entry: os.DirEntry[str]) -> bool:
@@ -307,6 +331,8 @@ def _seen(kept: _Kept, path: Path, size_bytes: int, modified_ns: int) -> SeenFil
         if contents is None:
             kept.going_on, now = walk(path, kept.going_on)
             kept.chunks, contents = now.chunks, now.contents()
+            if kept.going_on.chunks and (found := _bytes_at(path, kept.going_on.chunks[-1].offset)) is not None:
+                kept.mark = (kept.going_on.chunks[-1].offset, found)
             if not unfinished:
                 state, note = FileState.DAMAGED, "it does not end as a finished recording does"
     except InputError as error:

@@ -12,6 +12,8 @@ from starlette.requests import Request
 
 MOST_RUNS = 200
 """In one page of the list, and in one table."""
+MOST_NAMED = 70
+"""In one address, which has its own limit."""
 MOST_OFFSET = 1_000_000
 MOST_PARTS = 1000
 _ID_PATTERN = r"[0-9a-f]{24}"
@@ -51,8 +53,10 @@ class LapsAsked(Asked):
 class TableAsked(Asked):
     """Over which runs, and how."""
 
-    runs: Annotated[str, Field(max_length=26 * MOST_RUNS, pattern=rf"^{_ID_PATTERN}(,{_ID_PATTERN})*$")]
-    """Their ids with commas between them."""
+    runs: Annotated[str, Field(pattern=rf"^{_ID_PATTERN}(,{_ID_PATTERN}){{0,{MOST_NAMED - 1}}}$")] | None = None
+    """Their ids with commas between them. Either this or `session`."""
+    session: Annotated[str, Field(pattern=rf"^{_ID_PATTERN}$")] | None = None
+    """All finished runs of the session with this id."""
     format: Format = "json"
     by: Literal["entry", "run"] = "entry"
     """One row for each."""

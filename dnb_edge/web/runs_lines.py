@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
 
@@ -155,9 +155,3 @@ def _sectors(one: MarshalledLap) -> list[float | None]:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def chosen(runs: Sequence[StoredRecording], ids: Sequence[str]) -> list[StoredRecording]:
-    """The runs with these ids, each once, in this order; unknown ones are left out."""
-    by_id = {run.id: run for run in runs}
-    return [by_id[one] for one in dict.fromkeys(ids) if one in by_id]

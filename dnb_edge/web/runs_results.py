@@ -17,7 +17,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 
 from dnb_edge import wire
-from dnb_edge.archive.index import FileState, RunIndex, StoredRecording
+from dnb_edge.archive.index import FileState, RunIndex, StoredRecording, session_id
 from dnb_edge.archive.run_csv import incidents_csv, laps_csv, passes_csv
 from dnb_edge.archive.run_latex import laps_latex
 from dnb_edge.archive.thumbnail import track_picture
@@ -34,7 +34,7 @@ from dnb_edge.web.endpoint import API, Access, Endpoint, Refused
 from dnb_edge.web.runs_asked import MOST_RUNS, LapsAsked, TableAsked, wants_page
 from dnb_edge.web.runs_index import found_run, index_of
 from dnb_edge.web.runs_jobs import RETRY_AFTER_S, Job, Jobs, done
-from dnb_edge.web.runs_lines import chosen, file_name, lap_lines
+from dnb_edge.web.runs_lines import file_name, lap_lines
 from dnb_edge.web.runs_models import EntryTable, LapList, Working
 
 KEPT_PICTURES = 500
@@ -171,14 +171,7 @@ class _Results:
     async def table(self, request: Request) -> Response:
         """The table over the chosen runs, or that it is being made."""
         asked = cast("TableAsked", request.state.query)
-        form, ids = asked.format, asked.runs.split(",")
-        if len(ids) > MOST_RUNS:
-            raise Refused(422, "bad-query", f"runs: {len(ids)} are chosen, {MOST_RUNS} at most")
-        runs = chosen(await run_in_threadpool(self._index.runs), ids)
-        if len(runs) != len(set(ids)):
-            raise Refused(404, "not-found", "One of these recordings is not there any more: look at the list.")
-        for run in runs:
-            _check_finished(run, "The table")
+        runs = await run_in_threadpool(self._chosen, asked)
         # The order of choice changes nothing in the table.
         runs.sort(key=lambda run: run.last.path.name)
         spec = {"paths": [str(run.last.path) for run in runs], "by": asked.by}
@@ -186,7 +179,7 @@ class _Results:
         if not await done(job, within_s=SOON_S):
             return _working(job)
         made = json.loads(await run_in_threadpool(job.file.read_text, "utf-8"))
-        match form:
+        match asked.format:
             case "csv":
                 return _text(made["csv"], CSV, "table.csv")
             case "latex":
@@ -194,6 +187,26 @@ class _Results:
             case _:
                 table = EntryTable(rows=made["rows"], notes=made["notes"], warnings=made["warnings"])
                 return JSONResponse(table.model_dump())
+
+    def _chosen(self, asked: TableAsked) -> list[StoredRecording]:
+        runs = self._index.runs()
+        if (asked.runs is None) == (asked.session is None):
+            raise Refused(422, "bad-query", "runs: say either which runs, or which session")
+        if asked.runs is None:
+            of_session = [run for run in runs if run.session and session_id(run.session) == asked.session]
+            found = [run for run in of_session if run.state is FileState.FINISHED]
+            if not found:
+                raise Refused(404, "not-found", "This session has no finished recording: look at the list.")
+            if len(found) > MOST_RUNS:
+                raise Refused(422, "bad-query", f"session: it has {len(found)} runs, {MOST_RUNS} at most")
+            return found
+        ids = set(asked.runs.split(","))
+        found = [run for run in runs if run.id in ids]
+        if len(found) != len(ids):
+            raise Refused(404, "not-found", "One of these recordings is not there any more: look at the list.")
+        for run in found:
+            _check_finished(run, "The table")
+        return found
 
     def _others(self, run: StoredRecording, what: str) -> str:
         makers: dict[str, Callable[[], str]] = {
