@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from starlette.testclient import TestClient
 
+__all__ = ["Car", "Wanderer", "browser", "priced", "record", "setup"]
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "cli"))
 
 from table_runs import FPS, GROUND, SOURCE, Car, setup
@@ -22,6 +24,7 @@ from dnb_edge.core import CoreSetup
 from dnb_edge.race.rules import Effect, PenaltyRules
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import identity_of
+from dnb_edge.record.names import pictures_directory
 from dnb_edge.record.writer import Recorder, RecordingSettings
 from dnb_edge.values import BgrImage, Detection, Frame, FrameDetections, PointM, StampSource
 from dnb_edge.web.app import make_app
@@ -51,8 +54,11 @@ def priced(**changes: Any) -> CoreSetup:
     return setup(penalties=PenaltyRules(off_track=Effect(seconds=2.0)), **changes)
 
 
-def record(path: Path, car: Car, *, made: CoreSetup | None = None, finish: bool = True) -> Path:
-    """A recording of `car` with pictures; without `finish` as it is while it is written: `path` with `.part` behind."""
+def record(
+    path: Path, *cars: Car, made: CoreSetup | None = None, finish: bool = True, image_ring_bytes: int | None = None
+) -> Path:
+    """A recording of `cars` with pictures of the first; without `finish` as it is while it is written: `path` with `.part`
+    behind."""
     made = made if made is not None else priced()
     header = RunHeader(
         setup={"core": made.to_dict(), "calibration": {}, "sha256": {}},
@@ -62,22 +68,32 @@ def record(path: Path, car: Car, *, made: CoreSetup | None = None, finish: bool 
         name="net",
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    spec = RecordingSettings(directory=path.parent, image_fps=FPS, lossless=True, sync_period_s=3600.0)
+    spec = RecordingSettings(
+        directory=path.parent, image_fps=FPS, lossless=True, sync_period_s=3600.0, image_ring_bytes=image_ring_bytes
+    )
     writer = Recorder(spec, header, None)
-    for k in range(int(car.lasts_s * FPS)):
+    for k in range(int(max(car.lasts_s for car in cars) * FPS)):
         t_ns = round(k * 1e9 / FPS)
-        camera_px = GROUND.point_to_camera_px(car.at(t_ns * 1e-9))
-        assert camera_px is not None
+        found = tuple(_detection(car, t_ns * 1e-9) for car in cars)
         if k % PICTURE_EVERY == 0:
-            writer.add_frame(_frame(k, t_ns, camera_px))
-        found = Detection(camera_px=camera_px, sigma_px=1.0, length_px=40.0, confidence=0.9)
-        writer.add_detections(FrameDetections(sequence=k, t_ns=t_ns, detections=(found,), full_frame=True))
+            writer.add_frame(_frame(k, t_ns, found[0].camera_px))
+        writer.add_detections(FrameDetections(sequence=k, t_ns=t_ns, detections=found, full_frame=True))
     if finish:
-        return writer.close().rename(path)
+        written = writer.close()
+        ring = pictures_directory(written)
+        if ring.exists():
+            ring.rename(pictures_directory(path))
+        return written.rename(path)
     writer.wait_saved()
     part = writer.path
     writer.abandon()
     return part.rename(path.with_name(f"{path.name}.part"))
+
+
+def _detection(car: Car, t_s: float) -> Detection:
+    camera_px = GROUND.point_to_camera_px(car.at(t_s))
+    assert camera_px is not None
+    return Detection(camera_px=camera_px, sigma_px=1.0, length_px=40.0, confidence=0.9)
 
 
 def _frame(sequence: int, t_ns: int, camera_px: tuple[float, float]) -> Frame:

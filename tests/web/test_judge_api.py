@@ -6,18 +6,21 @@ import hashlib
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from judged_runs import Wanderer, browser, record
+from judged_runs import Car, Wanderer, browser, record, setup
 from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
 from dnb_edge.archive.index import run_id
 from dnb_edge.cli.main import app
+from dnb_edge.motion.settings import MotionSettings
+from dnb_edge.race.rules import CarSetup
 from dnb_edge.record.edits import edits_path
 
 CAR = Wanderer((3.0, 3.1, 2.9, 3.2))
@@ -338,3 +341,23 @@ def test_a_dry_run_shows_the_standings_of_both_sides(client: TestClient) -> None
     answer = decided(client, action="remove", lap=3, dry_run=True)
     before, after = (answer[side]["standings"]["rows"][0]["value"] for side in ("before", "after"))
     assert before < after
+
+
+def test_several_cars_are_judged_each_by_itself(tmp_path: Path) -> None:
+    """A car's lap, its passes' pictures and who leads: as the command line has it for `--car`."""
+    made = setup(motion=replace(MotionSettings(), cars=2), cars=(CarSetup(name="Ann"), CarSetup(name="Bob")))
+    path = record(tmp_path / "runs" / "run.mcap", Car((3.0, 3.1, 2.9)), Car((3.3, 3.4, 3.5), start_rad=-1.8), made=made)
+    client = browser(path.parent)
+    would = decided(client, action="penalty", lap=1, dnf=True, dry_run=True)
+    sides = [[row["name"] for row in would[side]["standings"]["rows"]] for side in ("before", "after")]
+    assert sides == [["Ann", "Bob"], ["Bob", "Ann"]]
+    decided(client, action="remove", lap=2, car=2)
+    laps = [(one["lap"]["car"], one["lap"]["number"]) for one in client.get(EDITS).json()["laps"] if one["counts"]]
+    scored = [json.loads(line) for line in dnb_edge("score", path, "--json").splitlines()]
+    assert laps == [(lap["car"], lap["number"]) for lap in scored if lap["event"] == "lap"]
+    assert (2, 2) not in laps
+    number, other = next((n, one) for n, one in enumerate(client.get(PASSES).json()["passes"], start=1)
+                         if one["crossing"]["car"] == 2)  # fmt: skip
+    assert client.get(other["picture"]).status_code == 200
+    said = refused(client, 422, action="add", start=f"pass:{number}", end=9, car=1)
+    assert "that pass is car 2's: say car 2" in said["text"]
