@@ -76,7 +76,8 @@ def report_figures(result: RunResult) -> Iterator[ReportFigure]:
             name="health",
             section=Section.HEALTH,
             alt="Frames lost, frame rate, latency, temperature and room on the disk over the run",
-            caption="Each step is the worst of its time. Red: no frame came. Grey behind the temperature: throttled.",
+            caption="Each step is the worst of its time; bars are all frames lost in it, by reason. Red: no frame came. "
+            "Grey behind the temperature: throttled.",
             draw=lambda kind: health_picture(health, picture_format=kind),
         )
 

@@ -38,6 +38,8 @@ class HealthSlot:
     """Raced in it."""
     lost: Mapping[str, int]
     """Frames lost in it, by reason."""
+    lost_share: float
+    """The greatest share that was lost between one `Health` and the next, 0..1."""
     fps: float | None
     """The lowest."""
     latency_ms: float | None
@@ -121,6 +123,7 @@ class _Slot:
 
     frames: int = 0
     lost: Counter[str] = field(default_factory=Counter)
+    lost_share: float = 0.0
     fps: float | None = None
     latency_ms: float | None = None
     queued_frames: int | None = None
@@ -133,6 +136,7 @@ class _Slot:
         """Takes in what another slot tells."""
         self.frames += other.frames
         self.lost.update(other.lost)
+        self.lost_share = max(self.lost_share, other.lost_share)
         self.throttled = self.throttled or other.throttled
         self.fps = _of_both(min, self.fps, other.fps)
         self.latency_ms = _of_both(max, self.latency_ms, other.latency_ms)
@@ -176,9 +180,11 @@ class HealthFold:
             # Recordings from before there were reasons.
             lost = {"lost": health.dropped_frames}
         gone = Counter({reason: _since(self._lost.get(reason, 0), count) for reason, count in lost.items()})
+        raced = _since(self._frames, health.frames)
         told = _Slot(
-            frames=_since(self._frames, health.frames),
+            frames=raced,
             lost=+gone,
+            lost_share=gone.total() / max(1, raced + gone.total()),
             fps=health.fps,
             latency_ms=health.latency_ms,
             queued_frames=health.queued_frames,
@@ -229,6 +235,7 @@ class HealthFold:
             end_s=(place + 1) * self._slot_s,
             frames=slot.frames,
             lost=dict(slot.lost),
+            lost_share=slot.lost_share,
             fps=slot.fps,
             latency_ms=slot.latency_ms,
             queued_frames=slot.queued_frames,

@@ -85,7 +85,11 @@ def _lost(health: HealthHistory, unit_s: float, axes: Axes) -> None:
         colour = _REASON_COLOURS[place % len(_REASON_COLOURS)]
         axes.bar(starts, share, wide, bottom=below, align="edge", color=colour, linewidth=0, label=f"lost: {reason}")
         below += share
-    axes.set_ylim(0.0, max(1.0, 1.15 * float(below.max())))
+    worst = 100.0 * np.repeat([slot.lost_share for slot in slots], 2)
+    if health.lost:
+        edges = np.array([(slot.start_s, slot.end_s) for slot in slots]).ravel() / unit_s
+        axes.plot(edges, worst, color=INK, linewidth=0.9, label="worst second")
+    axes.set_ylim(0.0, max(1.0, 1.15 * float(worst.max())))
     axes.set_ylabel("frames lost (%)", color=INK)
     if not health.lost:
         axes.text(0.5, 0.5, "no frame was lost", transform=axes.transAxes, ha="center", va="center", color=INK)

@@ -50,7 +50,7 @@ def shows_car(image: np.ndarray, t_s: float) -> bool:
     at_px = GROUND.point_to_camera_px(CAR.at(t_s))
     assert at_px is not None
     u, v = round(at_px[0]), round(at_px[1])
-    return bool((np.abs(image[v - 4 : v + 5, u - 4 : u + 5].astype(int) - CAR_COLOURS[0]).mean()) < 45)
+    return bool((np.abs(image[v - 4 : v + 5, u - 4 : u + 5].astype(int) - CAR_COLOURS[0]).mean()) < 25)
 
 
 def test_figures_are_files_of_the_form_that_is_asked_for(tmp_path: Path) -> None:

@@ -90,11 +90,15 @@ def test_the_worst_stays(told: list[tuple[int, float, int, bool, int]]) -> None:
 
 
 def test_the_worst_stands_where_it_was() -> None:
-    """A single bad second of a day is in the slot of its time."""
+    """A single bad second of a day is in the slot of its time, and its lost frames are not spread over that."""
     healths = [at(second, latency_ms=400.0 if second == 50_000 else 20.0) for second in range(0, 86_400, 10)]
     bad = [slot for slot in folded(healths).slots if slot.latency_ms == 400.0]
     assert len(bad) == 1
     assert bad[0].start_s <= 50_000 < bad[0].end_s
+    losing = [
+        at(second, lost=(LostFrames(reason="gap", frames=60),) if second > 5000 else ()) for second in range(9000)
+    ]
+    assert max(slot.lost_share for slot in folded(losing).slots) == pytest.approx(60 / 90)
 
 
 def test_a_counter_that_begins_anew_loses_nothing() -> None:
