@@ -192,19 +192,15 @@ def _keypoints(known: Understood) -> tuple[StepState, str]:
         return "open", f"Keypoint {half[0]} is clicked on one side only: click its other side, or delete it"
     assert keypoints.found is not None, "pairs without a fault make a map"
     fit = keypoints.found.fit
-    if keypoints.over_limit is not None:
-        return "wrong", _over_limit(known)
     if fit.outliers:
         return "wrong", f"Keypoint {fit.outliers[0].name} contradicts the others: click it anew, or delete it"
     if fit.suspects:
         return "wrong", f"One of the keypoints {', '.join(fit.suspects)} is wrong: click them anew, or add one"
+    if keypoints.over_limit is not None:
+        return "wrong", _sentence(keypoints.over_limit)
     error = fit.calibration.error
     mean = f"{error.mean_px:.1f} twin px" if known.track.scale is None else f"{1000 * (error.mean_m or 0.0):.1f} mm"
     return "done", f"{whole} pairs, {mean} apart on average"
-
-
-def _over_limit(known: Understood) -> str:
-    return _sentence(known.keypoints.over_limit or "")
 
 
 def _start(known: Understood) -> tuple[StepState, str]:

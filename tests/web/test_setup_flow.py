@@ -104,8 +104,8 @@ def test_saving_again_keeps_what_was_there(wizard: Wizard, rig: Rig) -> None:
     assert (wizard.setup / "dnb-edge.yaml.bak").read_text().startswith("name: Ada")
     assert load_config(config).race.laps == 7
     assert load_config(config).name == "Ada"
-    for laps in (1, 2):
-        answer = wizard.ask("PUT", "/keypoints", {"pairs": pairs_of(rig, 6 + laps)})
+    for count in (6, 7):
+        answer = wizard.ask("PUT", "/keypoints", {"pairs": pairs_of(rig, count)})
         assert state_of(answer, "save") == ("open", "Changed since it was saved: save again")
         wizard.ask("POST", "/save")
     assert (wizard.setup / "dnb-edge.yaml.bak").read_text() != first
@@ -188,7 +188,7 @@ def test_papers_photograph_is_set_up(real_dir: Path, tmp_path: Path) -> None:
     wizard = Wizard(tmp_path, Daemon(None))
     assert state_of(wizard.send("/photo", photo.read_bytes(), "image/jpeg"), "aim")[0] == "done"
     wizard.send("/twin", (files / "digital-twin.jpg").read_bytes(), "image/jpeg")
-    wizard.ask("PUT", "/lane", {"shade": "auto"})
+    wizard.ask("PUT", "/lane", {"at_px": [1859, 60]})
     answer = wizard.ask("PUT", "/route", {"scale": {"metres_per_px": 0.0015}})
     camera, twin = (np.load(files / f"keypoints_from_{side}.npy").tolist() for side in ("camera", "diagram"))
     pairs = [
