@@ -89,6 +89,10 @@ class Site:
         self._pages = TemplatePages(self._files)
         self.faults = []
         """What the browser complained of: errors of scripts, breaches of the content policy."""
+        self.session = None
+        """Of who asks for a page; None for somebody who only watches."""
+        self.posted = []
+        """What was posted: (address, token, body)."""
 
     def page(self, stream=None, *, width=1280, height=720, scheme="light", **context):
         """An empty page whose addresses lead to the app and to `stream`."""
@@ -115,6 +119,10 @@ class Site:
             self.faults.append(f"an outside request: {route.request.url}")
             route.abort()
             return
+        if route.request.method == "POST":
+            self.posted.append((address.path, route.request.headers.get("x-csrf-token"), route.request.post_data_json))
+            route.fulfill(json={"done": True})
+            return
         body, kind = self._found(address.path)
         headers = MutableHeaders({"content-type": kind})
         security_headers(headers, address.netloc)
@@ -123,7 +131,8 @@ class Site:
     def _found(self, path):
         template = next((template for at, template, _ in PAGES if at == path), None)
         if template is not None:
-            request = Request({"type": "http", "method": "GET", "path": path, "headers": [], "query_string": b""})
+            scope = {"type": "http", "method": "GET", "path": path, "headers": [], "query_string": b""}
+            request = Request(scope | {"state": {"session": self.session}})
             return self._pages.page(request, template).body, "text/html; charset=utf-8"
         file = self._files.file(path.removeprefix("/static/"))
         return (None, "text/plain") if file is None else (file.content, TYPES[Path(path).suffix])
