@@ -5,6 +5,7 @@ Knows sources, the feed that opens a lost camera again, and who wants pictures. 
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 
@@ -18,6 +19,8 @@ from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
 from dnb_edge.live.server import LiveServer
 
+log = logging.getLogger(__name__)
+
 TICK_S = 0.25
 WATCHED_S = 0.03
 UNWATCHED_S = 0.25
@@ -28,8 +31,10 @@ theirs are made."""
 class Board:
     """What displays show meanwhile: `state`, and a notice while there is one."""
 
-    def __init__(self, displays: Sequence[Display], state: BoardState, notices: Notices) -> None:
+    def __init__(self, displays: Sequence[Display], state: BoardState, notices: Notices, *, logs: bool) -> None:
+        """`logs`: whether notices are logged, since no terminal prints them."""
         self._displays = displays
+        self._logs = logs
         self._state = state
         self._notices = notices
         self._told: BoardState | None = None
@@ -38,6 +43,8 @@ class Board:
         """Posts what has changed."""
         state = self._state.noting(self._notices.text)
         if state is not self._told and state != self._told:
+            if self._logs and state.notice is not None:
+                log.warning("notice: %s", state.notice)
             self._told = state
             for display in self._displays:
                 display.post(state)

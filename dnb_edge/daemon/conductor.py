@@ -177,7 +177,7 @@ class Conductor:
                         self._means.open_camera,
                         self._server,
                         self._notifier,
-                        Board(displays, board, self._notices),
+                        Board(displays, board, self._notices, logs=not terminal),
                         until=lambda: self._orders.is_set() or until(),
                     )
                     if going:

@@ -48,6 +48,7 @@ TICK_S = 0.5
 MOST_FRESH = 512
 """Fleeting events on their way to the clients; later ones are lost."""
 LEAST_EVERY_S = 0.02
+ACCEPT_AGAIN_S = 0.1
 CLOSE_S = 1.0
 """How long the last words may take."""
 
@@ -191,6 +192,7 @@ class LiveServer:
         except OSError as error:
             # It has gone again, or there are no descriptors left for now.
             log.warning("live socket: a client could not be let in: %s", error.strerror)
+            time.sleep(ACCEPT_AGAIN_S)
             return
         connection.settimeout(0.0)
         with self._lock:
