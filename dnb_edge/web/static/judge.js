@@ -2,6 +2,7 @@
 
 import { look, passes } from "./judge_api.js";
 import { openDecision } from "./judge_decide.js";
+import { toast } from "./ui.js";
 import { digits, official, passMeaning, reasons, time, words } from "./judge_words.js";
 
 const PASSES_AT_ONCE = 24;
@@ -170,34 +171,30 @@ function drawPasses() {
       element("span", { className: "muted", text: `car ${crossing.car}, ${crossing.direction}, ± ${sigma} ms${crossing.estimated ? ", not seen: estimated" : ""}` }),
       element("span", { text: passMeaning(crossing) }),
       element("div", { className: "toolbar" },
-        button("Lap from here", () => addFrom(number, crossing.car), `Add a lap from pass ${number}`),
-        button("Lap to here", () => addTo(number, crossing.car), `Add a lap to pass ${number}`)),
+        button("Lap from here", () => choose("start", number, crossing.car), `Lap from here, pass ${number}`),
+        button("Lap to here", () => choose("end", number, crossing.car), `Lap to here, pass ${number}`)),
     );
   }));
 }
 
-// What "Add a lap" begins with: chosen among the passes, from and to in any order.
-const adding = { start: "", end: "", car: 1 };
+// What "Add a lap" begins with: chosen among the passes, in any order.
+let adding = {};
 
-function addFrom(number, car) {
-  Object.assign(adding, { start: `pass:${number}`, car });
-  add();
-}
-
-function addTo(number, car) {
-  Object.assign(adding, { end: `pass:${number}`, car });
-  add();
+function choose(end, number, car) {
+  adding = { ...adding, [end]: `pass:${number}`, car };
+  if (adding.start !== undefined && adding.end !== undefined) add();
+  else if (end === "start") toast(`The lap begins at pass ${number}: now choose where it ends.`);
+  else toast(`The lap ends at pass ${number}: now choose where it begins.`);
 }
 
 function add() {
-  decide({ action: "add", ...adding });
+  const chosen = { start: "", end: "", car: 1, ...adding };
+  adding = {};
+  decide({ action: "add", ...chosen });
 }
 
 function decide(wish, lap = null, subject = "") {
-  openDecision(wish, { seen: view?.edits_so_far ?? null, lap, subject, unfinished: view?.unfinished ?? false }, (saved) => {
-    if (saved && wish.action === "add") Object.assign(adding, { start: "", end: "", car: 1 });
-    load();
-  });
+  openDecision(wish, { seen: view?.edits_so_far ?? null, lap, subject, unfinished: view?.unfinished ?? false }, load);
 }
 
 part("add-lap").addEventListener("click", add);

@@ -24,7 +24,7 @@ const trying = document.getElementById("try");
 const save = document.getElementById("save");
 let open = null;
 
-/** Opens the dialog for `wish`; `done(saved)` is called when something was saved, or somebody else decided meanwhile. */
+/** Opens the dialog for `wish`; `done` is called when something was saved, or somebody else decided meanwhile. */
 export function openDecision(wish, context, done) {
   open = { wish, context, done };
   const [title, text] = TITLES[wish.action](wish, context);
@@ -91,12 +91,12 @@ async function send(dryRun) {
     if (dryRun) return show(answer);
     dialog.close();
     toast(`Saved: decision ${answer.edit.number}, ${answer.edit.action} ${answer.subject}.`);
-    done(true);
+    done();
   } catch (error) {
     if (error.code === "stale") {
       dialog.close();
       toast(`${error.message}. The page has been brought up to date.`, { bad: true });
-      done(false);
+      done();
     } else {
       complain(error.message);
     }
