@@ -29,13 +29,16 @@ Tell = Callable[[str, float | None], None]
 
 def main(arguments: list[str]) -> int:
     """Does what `arguments` say: the kind, its JSON and the file to write. 0 where it is written, 1 otherwise."""
-    kind, spec, out = arguments
+    kind, text, out = arguments
+    spec = json.loads(text)
     _limit()
     threading.Thread(target=_die_with_parent, daemon=True).start()
     try:
-        told = KINDS[kind](json.loads(spec), Path(out), _tell)
+        told = KINDS[kind](spec, Path(out), _tell)
     except (DnbEdgeError, MemoryError) as error:
         text = str(error) if isinstance(error, DnbEdgeError) else "it takes more memory than the page may use"
+        # Where the recordings lie is nobody's business who only looks at a page.
+        text = _without_folder(text, [Path(path) for path in (spec.get("path"), *spec.get("paths", ())) if path])
         fault = "input" if isinstance(error, InputError) else "work"
         if isinstance(error, TemporaryFault):
             fault = "temporary"

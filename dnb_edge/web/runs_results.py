@@ -117,6 +117,12 @@ class _Results:
         if what != "laps" and form != "csv":
             raise Refused(422, "bad-query", "what: passes and incidents are to be had with format=csv")
         run = await self._found(request)
+        try:
+            return await self._lap_answer(run, form, what)
+        except InputError as error:
+            raise InputError(str(error).replace(f"{run.last.path.parent}/", "")) from error
+
+    async def _lap_answer(self, run: StoredRecording, form: str, what: str) -> Response:
         if what != "laps":
             text = await run_in_threadpool(self._others, run, what)
             return _text(text, CSV, f"{run.last.stem}-{what}.csv")

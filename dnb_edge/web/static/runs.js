@@ -1,6 +1,6 @@
 // The list of recordings: filter, cards, table of entries, disk. Everything comes from the API.
 
-import { ask, ApiError, askToDelete, attempt, durationText, el, mayChange, nameOf, pillsOf, pinButton, rename, sizeText, timeText, whenText, API } from "./runs_common.js";
+import { ask, ApiError, attempt, durationText, el, mayChange, nameOf, pillsOf, pinButton, rename, sizeText, timeText, whenText, API } from "./runs_common.js";
 import { toast } from "./ui.js";
 
 const PAGE = 48;
@@ -143,9 +143,6 @@ function actions(run, title) {
   if (mayChange) {
     if (run.pinnable) found.push(pinButton(run, changed));
     found.push(el("button", { class: "button button--small", type: "button", "data-key": `name-${run.id}`, "aria-label": `Rename ${nameOf(run)}`, onclick: () => rename(title, run, changed) }, "Rename"));
-    if (!run.current && !run.pinned) {
-      found.push(el("button", { class: "button button--small", type: "button", "aria-label": `Delete ${nameOf(run)}`, onclick: () => askToDelete(run, () => { chosen.delete(run.id); load(); disk(); }) }, "Delete …"));
-    }
   }
   return found;
 }
