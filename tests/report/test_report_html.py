@@ -16,7 +16,7 @@ from dnb_edge.race.edit import Action, Edit, LapKey
 from dnb_edge.race.marshal import apply
 from dnb_edge.report.html import render, write_report
 from dnb_edge.report.run import RulesInForce, RunResult
-from dnb_edge.values import EntryInfo
+from dnb_edge.values import EntryInfo, Incident, IncidentKind, SectorTime
 
 CALIBRATION = {
     "mean_px": 26.69,
@@ -268,3 +268,45 @@ def luminance(colour: str) -> float:
     parts = [int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4)]
     red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def test_a_day_fits_on_a_page(result: Callable[..., RunResult]) -> None:
+    """Tens of thousands of laps with sectors and thousands of incidents: what is left out is said, and the page stays below
+    10 MB."""
+    run = result()
+    lap, score = run.laps[0], run.scores[0]
+    sectors = tuple(SectorTime(number=k, line=f"s{k}", time_s=3.1234, sigma_s=0.0021) for k in (1, 2, 3))
+    count = 12_000
+    laps = tuple(replace(lap, number=i + 1, sectors=sectors, official_time_s=lap.time_s) for i in range(count))
+    incident = Incident(
+        number=1,
+        kind=IncidentKind.OFF_TRACK,
+        car=1,
+        target_id=1,
+        lap=1,
+        start_t_ns=0,
+        end_t_ns=10,
+        start_s=1.0,
+        lasted_s=0.5,
+        greatest_m=0.2,
+        worst_t_ns=5,
+        track_m=(1.0, 1.0),
+        camera_px=(100.0, 100.0),
+        s_m=2.0,
+        text="left the lane by 0.2 m for 0.5 s",
+    )
+    incidents = tuple(replace(incident, number=i + 1) for i in range(3000))
+    run = replace(
+        run,
+        laps=laps,
+        paths_m=(run.paths_m[0],) * count,
+        stamps_ns=(run.stamps_ns[0],) * count,
+        scores=tuple(replace(score, lap=i + 1) for i in range(count)),
+        incidents=incidents,
+        thumbnails={(1, i + 1): b"\xff" * 15_000 for i in range(48)},
+    )
+    page = render(run)
+    assert len(page.encode()) < 10_000_000
+    assert "The first 2000 laps are left out" in page
+    assert "Left out, later than these: 2000 off track." in page
+    assert f'<th scope="row">{count}</th>' in page
