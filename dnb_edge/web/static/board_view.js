@@ -53,7 +53,9 @@ export class BoardView {
     const facts = healthFacts(health);
     this.#once("health", JSON.stringify(facts), () => this.#facts(facts));
     const still = standstill(line, state);
-    const told = [...(still === null || still.text === "" ? [] : [still]), ...(line === "connected" ? warnings(health) : [])];
+    // What heads the page already need not be said twice.
+    const title = this.#places.get("state")?.textContent === still?.title ? undefined : still?.title;
+    const told = [...(still === null || still.text === "" ? [] : [{ ...still, title }]), ...(line === "connected" ? warnings(health) : [])];
     this.#once("notices", JSON.stringify(told), () => this.#notices(told));
     document.body.classList.toggle("is-old", line !== "connected");
   }
