@@ -21,7 +21,7 @@ from dnb_edge.live.messages import (
     encode,
 )
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 class Caller:
