@@ -149,6 +149,8 @@ class DaemonLine:
             while True:
                 self._take(await _read(reader))
         except (OSError, WorkError, EOFError, asyncio.LimitOverrunError) as error:
+            if isinstance(error, EOFError):
+                return "it has hung up"
             return getattr(error, "strerror", None) or str(error) or type(error).__name__
         finally:
             self._lost()

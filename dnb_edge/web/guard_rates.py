@@ -47,7 +47,7 @@ class Buckets:
 
 
 class Failures:
-    """When each address failed, as far back as the longest of the windows."""
+    """When each address failed (or did what else it may not do often), as far back as the longest of the windows."""
 
     def __init__(self, windows: tuple[tuple[int, float], ...]) -> None:
         self._windows = windows

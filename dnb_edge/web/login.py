@@ -15,7 +15,7 @@ from starlette.responses import JSONResponse, Response
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, Access, Endpoint, Refused
 from dnb_edge.web.guard import COOKIE
-from dnb_edge.web.guard_rates import Failures, Limits, counted_as
+from dnb_edge.web.guard_rates import Buckets, Failures, Limits, counted_as
 from dnb_edge.web.sessions import IDLE_S, Sessions, SetupCode, spaced
 
 _log = logging.getLogger(__name__)
@@ -24,6 +24,10 @@ SHOWN_S = 120.0
 """How long the box's displays show the code."""
 SHOWN_AGAIN_S = 10.0
 """Not before so many seconds, however often the page is opened."""
+SHOWN_TO = ((6, 600.0),)
+"""So often for one address in so many seconds: nobody is to cover the laps on a display from afar."""
+LOGGED = (0.1, 60)
+"""Lines a second in the log, and at once: nobody is to fill a disk from afar."""
 
 
 class LoginBody(BaseModel):
@@ -55,7 +59,10 @@ class Login:
         self._clock_s = clock_s
         self._code = SetupCode()
         self._failures = Failures(limits.wrong_codes)
+        self._openings = Failures(SHOWN_TO)
+        self._logged = Buckets(*LOGGED)
         self._shown: tuple[str, float] | None = None
+        """The code that the displays show, and since when."""
 
     async def page(self, request: Request) -> Response:
         """GET /login: has the box show the code."""
@@ -93,9 +100,13 @@ class Login:
         """Has the displays and the log say the code; True where the displays do."""
         now_s = self._clock_s()
         code = self._code.now(now_s)
+        if self._logged.take("", now_s) is None:
+            _log.warning("set-up code %s (asked for by %s)", spaced(code), address)
         if self._shown is not None and self._shown[0] == code and now_s - self._shown[1] < SHOWN_AGAIN_S:
             return True
-        _log.warning("set-up code %s (asked for by %s)", spaced(code), address)
+        if self._openings.wait_s(address, now_s) is not None:
+            return False
+        self._openings.failed(address, now_s)
         try:
             await self._box.daemon.ask(show=f"set-up code {spaced(code)}", for_s=SHOWN_S)
         except Refused:

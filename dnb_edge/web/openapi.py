@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel
@@ -62,8 +63,12 @@ def endpoint(table: Iterable[Endpoint]) -> Endpoint:
     """The document's own address; `table`: all others."""
     whole: list[Endpoint] = list(table)
 
+    @cache
+    def made() -> dict[str, Any]:
+        return document(whole)
+
     async def handler(_request: Request) -> Response:
-        return JSONResponse(document(whole))
+        return JSONResponse(made())
 
     own = Endpoint(
         method="GET",

@@ -29,9 +29,10 @@ IDLE_S = 15
 STALL_S = 30.0
 """A client that takes nothing of its answer for so long is cut off."""
 MOST_HEAD_BYTES = 16 * 1024
-MOST_CONNECTIONS = 400
-MOST_BUSY = 300
-"""Requests and live streams at once; one more is answered with 503."""
+MOST_CONNECTIONS = 800
+"""A browser has up to seven: six that it keeps for a while, and its live stream."""
+MOST_BUSY = 750
+"""With so many a request is answered with 503."""
 MOST_PER_ADDRESS = 64
 """Connections of one address; the machine's own are not counted: a proxy's are all from there."""
 MOST_SAID_BYTES = 1024

@@ -20,6 +20,7 @@ from starlette.testclient import TestClient
 from web_box import app_in, log_in, visitor
 
 from dnb_edge.errors import InputError, TemporaryFault, WorkError
+from dnb_edge.web.app import routes
 from dnb_edge.web.endpoint import Access, Endpoint, Refused
 from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.guard_answers import Answers, as_refused
@@ -355,6 +356,23 @@ def test_ids(text: str) -> None:
     assert not text.startswith(".")
     assert ".." not in text
     assert not set(text) & set("/\\:\0%")
+
+
+@pytest.mark.parametrize("escape", ESCAPES)
+def test_handlers_see_ids_only(escape: str) -> None:
+    """The guard itself lets nothing else through, whatever a handler would do with it."""
+
+    async def echo(request: Request) -> Response:
+        return JSONResponse(request.path_params)
+
+    endpoint = Endpoint(method="GET", path="/x/{run_id}", access=Access.ALL, handler=echo, summary="x")
+    app = Starlette(routes=routes([endpoint]), exception_handlers={Refused: Answers(NoPages()).answer})
+    app.router.redirect_slashes = False
+    client = visitor(app)
+    client.cookies.set(COOKIE, "x")
+    status, _ = as_sent(client, "GET", f"/x/{escape}", "")
+    assert status == (200 if escape == "con" else 404)
+    assert as_sent(client, "GET", "/x/aB3-._~", "")[0] == 200
 
 
 def test_buckets() -> None:

@@ -66,12 +66,36 @@ def test_the_code_is_shown_and_logged_when_the_page_is_opened(tmp_path: Path) ->
     with codes() as heard:
         for _ in range(5):
             client.get("/login")
-    (code,) = heard
+    (code,) = set(heard)
     assert re.fullmatch(r"\d{4} \d{4}", code)
     assert daemon.asked == [{"show": f"set-up code {code}", "for_s": 120.0}]
     now_s[0] = 11.0
     client.get("/login")
     assert len(daemon.asked) == 2
+
+
+def test_nobody_covers_a_display_for_long(tmp_path: Path) -> None:
+    """One address has the code shown six times in ten minutes; another one still has it shown."""
+    daemon, now_s = Display(), [0.0]
+    app = app_in(tmp_path, daemon=daemon, clock_s=lambda: now_s[0])
+    client = visitor(app)
+    for _ in range(20):
+        now_s[0] += 11.0
+        page = client.get("/login").text
+    assert len(daemon.asked) == 6
+    assert "journalctl" in page
+    other = TestClient(app, base_url="http://localhost", client=("192.168.1.7", 1))
+    now_s[0] += 11.0
+    assert "journalctl" not in other.get("/login").text
+    assert len(daemon.asked) == 7
+
+
+def test_nobody_floods_the_log(client: TestClient) -> None:
+    """So many lines at once, then one every ten seconds."""
+    with codes() as heard:
+        for _ in range(100):
+            client.get("/login")
+    assert len(heard) == 60
 
 
 def test_without_a_daemon_the_page_says_where_the_code_is(client: TestClient) -> None:
