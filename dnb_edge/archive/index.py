@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -202,9 +203,25 @@ class RunIndex:
         self.directory = directory
         self._kept: dict[str, _Kept] = {}
         self._lock = threading.Lock()
+        self._last: tuple[float, tuple[StoredRecording, ...]] | None = None
 
-    def runs(self) -> tuple[StoredRecording, ...]:
-        """All runs, the latest first; none where the directory is not there. Raises `InputError` where it cannot be read."""
+    def runs(self, *, within_s: float = 0.0) -> tuple[StoredRecording, ...]:
+        """All runs, the latest first; none where the directory is not there. Raises `InputError` where it cannot be read.
+
+        As they were at most `within_s` ago, where many ask.
+        """
+        last, now_s = self._last, time.monotonic()
+        if last is not None and now_s - last[0] < within_s:
+            return last[1]
+        found = self._runs()
+        self._last = (now_s, found)
+        return found
+
+    def changed(self) -> None:
+        """Somebody has changed something: whoever asks next sees it."""
+        self._last = None
+
+    def _runs(self) -> tuple[StoredRecording, ...]:
         try:
             entries = list(os.scandir(self.directory))
         except FileNotFoundError:

@@ -5,6 +5,7 @@ Knows requests and the index; what a run's results are `runs_results` knows, and
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import cast
 
@@ -37,6 +38,9 @@ from dnb_edge.web.runs_lines import (
 from dnb_edge.web.runs_models import Confirm, Deleted, Disk, NextGone, RunChange, RunDetail, RunLine, RunList
 
 CONFIG_NAME = "dnb-edge.yaml"
+SEEN_LATELY_S = 0.5
+"""Many look at the list at once: it is read no more often than this."""
+DISK_SEEN_S = 3.0
 
 
 def endpoints(box: Box) -> tuple[Endpoint, ...]:
@@ -95,6 +99,7 @@ class _Runs:
 
     def __init__(self, box: Box) -> None:
         self._box = box
+        self._disk_seen: tuple[float, Disk] | None = None
 
     @property
     def _index(self) -> RunIndex:
@@ -119,7 +124,7 @@ class _Runs:
         asked = cast("ListAsked", request.state.query)
 
         def work() -> RunList:
-            runs = self._index.runs()
+            runs = self._index.runs(within_s=SEEN_LATELY_S)
             shown = [run for run in runs if passes_filter(run, asked)]
             return RunList(
                 runs=[self._line(run) for run in shown[asked.offset : asked.offset + asked.limit]],
@@ -147,6 +152,7 @@ class _Runs:
                 _name(run, wish.name)
             if wish.pinned is not None:
                 _pin(run, pinned=wish.pinned)
+            self._index.changed()
             return self._detail(run_id)
 
         return JSONResponse((await run_in_threadpool(work)).model_dump())
@@ -167,6 +173,8 @@ class _Runs:
                 removals = remove_run(run)
             except InputError as error:
                 raise Refused(409, "in-use", _without_folder(error, run)) from error
+            self._index.changed()
+            self._disk_seen = None
             names = [path.name for removal in removals for path in removal.files]
             return Deleted(id=run.id, files=names, size_bytes=sum(removal.size_bytes for removal in removals))
 
@@ -174,7 +182,10 @@ class _Runs:
 
     async def disk(self, _request: Request) -> Response:
         """The room there is."""
-        return JSONResponse((await run_in_threadpool(self._disk)).model_dump())
+        known, now_s = self._disk_seen, time.monotonic()
+        if known is None or now_s - known[0] > DISK_SEEN_S:
+            known = self._disk_seen = (now_s, await run_in_threadpool(self._disk))
+        return JSONResponse(known[1].model_dump())
 
     def _line(self, run: StoredRecording) -> RunLine:
         return run_line(run, current=self._current, best_lap_s=self._best(run))

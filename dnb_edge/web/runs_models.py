@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, RootModel
 
 from dnb_edge.archive.label import MOST_LETTERS
 
@@ -172,6 +172,14 @@ class EntryTable(Model):
     """As `dnb-edge table --json` has them."""
     notes: list[str]
     warnings: list[str]
+
+
+class LapAnswer(RootModel[LapList | Working]):
+    """The laps; while a judge's own are being scored, with status 202, how far that is."""
+
+
+class TableAnswer(RootModel[EntryTable | Working]):
+    """The table; while it is being made, with status 202, how far it is."""
 
 
 class NextGone(Model):

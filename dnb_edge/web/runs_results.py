@@ -35,7 +35,7 @@ from dnb_edge.web.runs_asked import MOST_RUNS, LapsAsked, TableAsked, wants_page
 from dnb_edge.web.runs_index import found_run, index_of
 from dnb_edge.web.runs_jobs import RETRY_AFTER_S, Job, Jobs, done
 from dnb_edge.web.runs_lines import file_name, lap_lines
-from dnb_edge.web.runs_models import EntryTable, LapList, Working
+from dnb_edge.web.runs_models import EntryTable, LapAnswer, LapList, TableAnswer, Working
 
 KEPT_PICTURES = 500
 """Some 15 kB each."""
@@ -63,7 +63,7 @@ def endpoints(box: Box) -> tuple[Endpoint, ...]:
             handler=results.laps,
             summary="Its laps after a judge's edits",
             query=LapsAsked,
-            answer=LapList,
+            answer=LapAnswer,
             answer_types=("text/csv", "application/x-latex"),
         ),
         Endpoint(
@@ -72,7 +72,8 @@ def endpoints(box: Box) -> tuple[Endpoint, ...]:
             access=Access.ALL,
             handler=results.report,
             summary="Its report; 202 while that is being made",
-            answer_types=("text/html",),
+            answer=Working,
+            answer_types=("text/html; charset=utf-8",),
         ),
         Endpoint(
             method="GET",
@@ -89,7 +90,7 @@ def endpoints(box: Box) -> tuple[Endpoint, ...]:
             handler=results.table,
             summary="The table of entries over some runs; 202 while it is being made",
             query=TableAsked,
-            answer=EntryTable,
+            answer=TableAnswer,
             answer_types=("text/csv", "application/x-latex"),
         ),
     )
