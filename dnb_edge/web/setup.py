@@ -6,8 +6,8 @@ Knows requests, the draft and the line to the daemon; what a draft comes to is `
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
-import threading
 from collections.abc import Callable
 from functools import partial
 from typing import TypeVar
@@ -63,7 +63,7 @@ class Setup:
         self._box = box
         self._folder = box.settings.setup
         self._store = DraftStore(box.settings.setup)
-        self._one_at_a_time = threading.Lock()
+        self._one_at_a_time = asyncio.Lock()
 
     async def page(self, request: Request) -> Response:
         """GET /setup."""
@@ -145,7 +145,7 @@ class Setup:
         del request
         state = self._box.daemon.state
         source = None if state is None else state.source
-        saved, draft = await run_in_threadpool(self._save, source)
+        saved, draft = await self._alone(partial(self._save, source))
         note = "" if saved.note is None else f" {saved.note}"
         try:
             await self._box.daemon.ask(new_run=True)
@@ -185,7 +185,7 @@ class Setup:
     async def sigma(self, request: Request) -> Response:
         """GET /api/v1/setup/sigma.png."""
         del request
-        return Response(await run_in_threadpool(self._alone, self._sigma), media_type="image/png")
+        return Response(await self._alone(self._sigma), media_type="image/png")
 
     def _keep_photo(self, data: bytes, *, from_camera: bool) -> Draft:
         upload = setup_upload.checked(data, what="the camera's picture", upright=True)
@@ -279,13 +279,10 @@ class Setup:
         return self._store.change(lambda draft: draft.model_copy(update={"lines": lines}))
 
     def _save(self, source: str | None) -> tuple[setup_save.Saved, Draft]:
-        def work() -> tuple[setup_save.Saved, Draft]:
-            draft = self._store.load()
-            known = setup_steps.understood(draft, self._store.folder)
-            saved = setup_save.save(known, self._folder, self._store, source=source)
-            return saved, self._store.saved(draft.revision)
-
-        return self._alone(work)
+        draft = self._store.load()
+        known = setup_steps.understood(draft, self._store.folder)
+        saved = setup_save.save(known, self._folder, self._store, source=source)
+        return saved, self._store.saved(draft.revision)
 
     def _sigma(self) -> bytes:
         draft = self._store.load()
@@ -308,11 +305,12 @@ class Setup:
             known = setup_steps.understood(work(), self._store.folder)
             return setup_steps.answer(known, configured=(self._folder / setup_save.CONFIG).is_file())
 
-        return _json(await run_in_threadpool(self._alone, told))
+        return _json(await self._alone(told))
 
-    def _alone(self, work: Callable[[], T]) -> T:
-        with self._one_at_a_time:
-            return work()
+    async def _alone(self, work: Callable[[], T]) -> T:
+        """What `work` gives, in a thread, with nothing else of the set-up at work: who waits holds no thread."""
+        async with self._one_at_a_time:
+            return await run_in_threadpool(work)
 
     async def _picture(
         self, request: Request, which: Callable[[Draft], StoredPicture | None], missing: str
