@@ -80,13 +80,13 @@ class Sightings:
     def sorted(self) -> SortedSightings:
         """The same as arrays in the order of time; of one instant in that of their taking in."""
         t_ns = np.array(self._t_ns, dtype=np.int64)
-        order = np.argsort(t_ns, kind="stable")
-        return SortedSightings(
-            t_ns=t_ns[order],
-            track_m=np.column_stack((np.array(self._x_m), np.array(self._y_m)))[order].reshape(-1, 2),
-            target_id=np.array(self._target, dtype=np.int64)[order],
-            known=np.array(self._target, dtype=np.int64)[order] != self._NOBODY,
-        )
+        track_m = np.empty((len(t_ns), 2))
+        track_m[:, 0], track_m[:, 1] = self._x_m, self._y_m
+        target_id = np.array(self._target, dtype=np.int64)
+        if (np.diff(t_ns) < 0).any():
+            order = np.argsort(t_ns, kind="stable")
+            t_ns, track_m, target_id = t_ns[order], track_m[order], target_id[order]
+        return SortedSightings(t_ns=t_ns, track_m=track_m, target_id=target_id, known=target_id != self._NOBODY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
