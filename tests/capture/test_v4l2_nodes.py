@@ -7,7 +7,15 @@ import sys
 
 import pytest
 
-from dnb_edge.capture.v4l2_nodes import busy_words, camera_id, known_cameras, node_of, permission_words, picture_node
+from dnb_edge.capture.v4l2_nodes import (
+    busy_words,
+    camera_id,
+    first_camera,
+    known_cameras,
+    node_of,
+    permission_words,
+    picture_node,
+)
 from dnb_edge.capture.v4l2_setup import open_device, refusal
 from dnb_edge.errors import InputError
 
@@ -77,6 +85,25 @@ def test_a_metadata_node_is_not_found_by_its_camera(machine, play_camera):
     node = play_camera(caps=0x04800000).path
     (machine.dev / "video1").symlink_to(node)
     assert node_of("Played Camera (usb-test-1)", dev=machine.dev, sys=machine.sys) is None
+
+
+def test_the_first_camera_is_taken_where_nobody_names_one(machine, play_camera):
+    """By its lasting name where it has one, else by its node; what cannot be opened is passed over; on USB only, or any."""
+    (machine.dev / "video0").symlink_to(machine.dev / "gone")
+    assert first_camera(dev=machine.dev, usb=False) is None
+    node = play_camera().path
+    (machine.dev / "video10").symlink_to(node)
+    (machine.dev / "video4").symlink_to(node)
+    assert first_camera(dev=machine.dev, usb=False) == machine.dev / "video4"
+    machine(node, links=[("by-id", NAME), ("by-id", "usb-Acme_Webcam_SN7-video-index1")])
+    assert first_camera(dev=machine.dev, usb=False) == machine.dev / "v4l" / "by-id" / NAME
+    assert first_camera(dev=machine.dev, usb=True) is None
+
+
+def test_a_metadata_node_is_nobodys_first_camera(machine, play_camera):
+    """It gives no pictures."""
+    (machine.dev / "video1").symlink_to(play_camera(caps=0x04800000).path)
+    assert first_camera(dev=machine.dev, usb=False) is None
 
 
 def test_cameras_are_listed_by_their_lasting_names(tmp_path):
