@@ -6,21 +6,19 @@ Knows every module of endpoints; knows nothing of what they do.
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager
-from importlib import import_module
-from importlib.util import find_spec
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 
 from dnb_edge.errors import DnbEdgeError
-from dnb_edge.web import login, openapi, race, static_files
+from dnb_edge.web import board, downloads, judge, login, openapi, race, runs, setup, static_files
 from dnb_edge.web.box import Box, Daemon, WebSettings
 from dnb_edge.web.daemon_line import DaemonLine
 from dnb_edge.web.endpoint import API, Endpoint, Refused
@@ -33,10 +31,6 @@ from dnb_edge.web.pages import TemplatePages
 from dnb_edge.web.sessions import Sessions
 from dnb_edge.web.static_files import StaticFiles
 from dnb_edge.web.stream import Live
-
-FEATURES = ("board", "runs", "downloads", "setup", "judge")
-"""Modules of this room with endpoints(box)."""
-_log = logging.getLogger(__name__)
 
 LIVE = f"{API}/live"
 """The one address that is a WebSocket's."""
@@ -61,7 +55,11 @@ def make_app(
         *static_files.endpoints(files),
         *login.endpoints(box, sessions, limits=limits, clock_s=clock_s),
         *race.endpoints(box),
-        *(endpoint for name in FEATURES for endpoint in _endpoints_of(name, box)),
+        *board.endpoints(box),
+        *runs.endpoints(box),
+        *downloads.endpoints(box),
+        *judge.endpoints(box),
+        *setup.endpoints(box),
     )
     table = (*table, openapi.endpoint(table))
     answers = Answers(pages)
@@ -92,7 +90,7 @@ def make_app(
             )
         ],
         exception_handlers={
-            **dict.fromkeys((Refused, DnbEdgeError, 404, 405), answers.answer),
+            **dict.fromkeys((Refused, DnbEdgeError, HTTPException, ClientDisconnect), answers.answer),
             500: _last_resort(answers),
         },
         lifespan=lifespan,
@@ -111,18 +109,6 @@ def routes(table: Iterable[Endpoint]) -> Iterable[BaseRoute]:
             raise ValueError(f"{endpoint.method} {endpoint.path} stands twice in the table")
         methods[endpoint.method] = endpoint
     return (Route(path, Door(addresses[path])) for path in sorted(addresses, key=lambda path: (path.count("{"), path)))
-
-
-def _endpoints_of(name: str, box: Box) -> tuple[Endpoint, ...]:
-    full = f"dnb_edge.web.{name}"
-    if find_spec(full) is None:
-        return ()
-    try:
-        found: tuple[Endpoint, ...] = import_module(full).endpoints(box)
-    except (ImportError, AttributeError) as error:
-        _log.error("%s is left out: %s", full, error)
-        return ()
-    return found
 
 
 def _last_resort(answers: Answers) -> Callable[[Request, Exception], Awaitable[Response]]:

@@ -11,7 +11,7 @@ from http import HTTPStatus
 
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from dnb_edge.errors import InputError, TemporaryFault, WorkError
@@ -50,6 +50,8 @@ def as_refused(error: Exception) -> Refused:
             return Refused(405, "wrong-method", "This address has no such method.")
         case HTTPException():
             return Refused(error.status_code, "refused", HTTPStatus(error.status_code).phrase)
+        case ClientDisconnect():
+            return Refused(400, "gone", "The connection was closed before the body had come.")
         case InputError():
             return Refused(422, "input", str(error))
         case TemporaryFault():

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.testclient import TestClient
@@ -251,6 +252,8 @@ def test_queries(query: str, status: int) -> None:
         (InputError("setup.yaml: no"), 422, "input"),
         (WorkError("disk full"), 500, "failed"),
         (TemporaryFault("camera away"), 503, "away"),
+        (HTTPException(418), 418, "refused"),
+        (ClientDisconnect(), 400, "gone"),
         (ZeroDivisionError("secret"), 500, "internal"),
     ],
 )

@@ -182,6 +182,18 @@ def test_an_unwanted_body_is_not_waited_for(port: int) -> None:
         teller.join(PATIENCE_S)
 
 
+def test_a_client_that_leaves_in_the_middle_of_its_body_is_no_failure(
+    port: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nothing of it is an error in the log."""
+    with opened(port) as connection:
+        connection.sendall(POST + b"Content-Length: 100\r\n\r\n{")
+        time.sleep(0.2)
+    works(port)
+    time.sleep(0.2)
+    assert [record for record in caplog.records if record.levelname == "ERROR"] == []
+
+
 @pytest.mark.parametrize("signal_", [signal.SIGTERM, signal.SIGINT])
 def test_it_ends_at_once_and_cleanly(tmp_path: Path, signal_: signal.Signals) -> None:
     """While browsers listen and one has not finished its request; exit code 0 and not a word on stderr but the log's."""
