@@ -113,6 +113,7 @@ class Conductor:
             goes_on=lambda: not orders.quits and (self._stays or orders.waits),
             on_begin=self._begun,
         )
+        failure = None
         self._notifier.was_ready = False
         self._notifier.feed_now()
         try:
@@ -123,13 +124,14 @@ class Conductor:
             self._cannot_begin(" ".join(str(error).split()))
             return False
         except WorkError as error:
-            if not orders.waits:
+            if orders.quits or not (self._stays or orders.waits):
                 raise
-            # The race that is wanted now matters more than the recording that failed.
-            log.warning("%s", error)
+            # Whoever watches is told, and the next race matters more than the recording that failed.
+            failure = " ".join(str(error).split())
+            log.warning("%s", failure)
         finally:
             orders.races = False
-        over = replace(self._server.state, phase=Phase.FINISHED)
+        over = replace(self._server.state, phase=Phase.FINISHED, reason=failure)
         while self._stays and not orders.waits and not orders.quits:
             self._pictures(over, live.board, terminal=False, until=lambda: False)
         return True

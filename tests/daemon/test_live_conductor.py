@@ -1,0 +1,204 @@
+"""What follows what in a process that others can talk to, with runs that are told how to end."""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from played import Camera, Clip, Panel, frame
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
+
+from caller import Caller
+
+from dnb_edge.capture.source import FrameSource
+from dnb_edge.daemon import conductor as conductor_module
+from dnb_edge.daemon.conductor import Conductor
+from dnb_edge.daemon.live_run import LiveRun
+from dnb_edge.daemon.notices import Notices
+from dnb_edge.daemon.orders import Orders
+from dnb_edge.display.base import Display
+from dnb_edge.display.service import ServiceNotifier
+from dnb_edge.errors import DnbEdgeError, InputError, WorkError
+from dnb_edge.live.messages import AimCamera, NewRun, Phase, ShowText, State, WatchPictures
+from dnb_edge.live.server import LiveServer
+
+NO_CAMERA = InputError("no camera is connected")
+
+
+class Means:
+    """Runs that begin and end as the test says, and a camera."""
+
+    files: tuple[Path, ...] = ()
+
+    def __init__(self, *ends: DnbEdgeError | None) -> None:
+        self.notifier = ServiceNotifier()
+        self.ends = list(ends)
+        self.begun: list[str | None] = []
+        self.camera: Callable[[], FrameSource] = self._film
+        self.panel = Panel()
+
+    def race(self, live: LiveRun, entry: str | None) -> None:
+        """A run that begins, and ends well or not; one that does not begin for an `InputError`; without an end, by a wish."""
+        self.begun.append(entry)
+        end = self.ends.pop(0) if self.ends else None
+        if isinstance(end, InputError):
+            raise end
+        live._on_begin()
+        if not self.ends and end is None:
+            while not live.stop.is_set():
+                threading.Event().wait(0.01)
+        if end is not None:
+            raise end
+
+    def camera_uri(self) -> str:
+        return "played:"
+
+    def open_camera(self, uri: str) -> FrameSource:
+        assert uri == "played:"
+        return self.camera()
+
+    @contextmanager
+    def displays(self, *, terminal: bool) -> Iterator[Sequence[Display]]:
+        yield [self.panel]
+
+    def _film(self) -> FrameSource:
+        camera = Camera()
+        camera.shoot(*(frame(number) for number in range(3)))
+        return camera
+
+
+@pytest.fixture(autouse=True)
+def no_manager(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+
+
+@pytest.fixture
+def conduct(tmp_path: Path) -> Callable[..., None]:
+    """Conducts, while `talk(client)` runs in another thread; the process is told to end behind it."""
+    notices = Notices()
+    orders = Orders(notices, lambda entry: None)
+
+    def run(means: Means, talk: Callable[[Caller], None] | None = None, *, stays: bool = True) -> None:
+        def client() -> None:
+            try:
+                with Caller(tmp_path / "s") as caller:
+                    assert talk is not None
+                    talk(caller)
+            except AssertionError as error:
+                failed.append(error)
+            finally:
+                orders.end()
+
+        failed: list[AssertionError] = []
+        talker = threading.Thread(target=client)
+        with LiveServer(tmp_path / "s", version="1", on_order=orders) as server:
+            if talk is not None:
+                talker.start()
+            try:
+                Conductor(means, server, orders, notices, stays=stays).conduct()
+            finally:
+                if talk is not None:
+                    talker.join()
+        if failed:
+            raise failed[0]
+
+    return run
+
+
+def state(client: Caller, phase: Phase) -> State:
+    """The next one of this phase."""
+    found = client.hear_until(lambda one: isinstance(one, State) and one.phase is phase)[-1]
+    assert isinstance(found, State)
+    return found
+
+
+def test_a_failed_recording_ends_no_process_that_stays(conduct: Callable[..., None]) -> None:
+    """It is told, as the run is over; the next run is begun when it is asked for, and not before."""
+    means = Means(WorkError("the disk\nis full"), None)
+
+    def talk(client: Caller) -> None:
+        assert state(client, Phase.FINISHED).reason == "the disk is full"
+        client.say(WatchPictures, every_s=0.01)
+        assert client.answer(client.say(ShowText, text="code", for_s=60.0)).done
+        assert means.begun == [None]
+        assert client.answer(client.say(NewRun, entry="net")).done
+
+    conduct(means, talk)
+    assert means.begun == [None, "net"]
+    assert means.panel.shown[-1].notice == "code"
+
+
+def test_a_camera_that_goes_when_the_run_is_over_begins_no_other(
+    conduct: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is a fault while it lasts; then the run is over as before."""
+    monkeypatch.setattr(conductor_module, "WAITS_S", (0.01,))
+    means = Means(None, None)
+    film, tries = means.camera, []
+
+    def camera() -> FrameSource:
+        tries.append(1)
+        if len(tries) < 3:
+            raise NO_CAMERA
+        return film()
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        assert state(client, Phase.FAULT).reason == str(NO_CAMERA)
+        state(client, Phase.FINISHED)
+        assert means.begun == [None]
+
+    conduct(means, talk)
+
+
+def test_whoever_aims_without_a_camera_is_told(conduct: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the race goes on, as another run."""
+    monkeypatch.setattr(conductor_module, "WAITS_S", (0.01,))
+    means = Means(None)
+
+    def camera() -> FrameSource:
+        raise NO_CAMERA
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        assert client.answer(client.say(AimCamera, aim=True)).reason == str(NO_CAMERA)
+        assert client.answer(client.say(AimCamera, aim=False)).done
+
+    conduct(means, talk)
+    assert len(means.begun) >= 2
+
+
+def test_a_clip_is_shown_over_and_over(conduct: Callable[..., None]) -> None:
+    """A source that ends is opened again, for as long as somebody aims."""
+    means = Means(None)
+    opened = []
+
+    def camera() -> FrameSource:
+        opened.append(1)
+        return Clip([frame(1), frame(2)])
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        assert client.answer(client.say(AimCamera, aim=True)).done
+        for _ in range(3):
+            state(client, Phase.SETUP)
+
+    conduct(means, talk)
+    assert len(opened) >= 3
+
+
+@pytest.mark.parametrize("end", [WorkError("the disk is full"), NO_CAMERA])
+def test_without_setup_a_run_is_all_there_is(conduct: Callable[..., None], end: DnbEdgeError) -> None:
+    """It ends the process as ever: with its own error, and well where it went well."""
+    with pytest.raises(type(end), match=str(end)):
+        conduct(Means(end, None), stays=False)
+    well = Means(None, None)
+    well.ends = [None, None]
+    conduct(well, stays=False)
+    assert well.begun == [None]
