@@ -70,6 +70,12 @@ export function keypointsStep(setup) {
     told();
   }
 
+  function exchange(one, other) {
+    const at = (name) => pairs.find((pair) => pair.name === name)?.twin_px ?? null;
+    const places = { [one]: at(other), [other]: at(one) };
+    set(pairs.map((pair) => (pair.name in places ? { ...pair, twin_px: places[pair.name] } : pair)));
+  }
+
   function step(from, to) {
     if (from.length === 0) return;
     to.push(pairs);
@@ -151,6 +157,9 @@ export function keypointsStep(setup) {
     if (document.activeElement !== byId("limit")) byId("limit").value = answer.draft.limit_mm;
     byId("sigma-map").hidden ||= answer.keypoints.camera_to_twin === null;
     words(answer.keypoints);
+    if (answer.keypoints.swapped.length === 2) {
+      byId("keypoint-words").append(button(`Exchange ${answer.keypoints.swapped.join(" and ")} on the twin`, () => exchange(...answer.keypoints.swapped)));
+    }
     facts(answer.keypoints);
     draw();
   }
