@@ -84,6 +84,8 @@ def by_hand():
         made.standings(62.0, 2, 1),
         made.run_summary(),
         made.target(63.0),
+        made.lap(4, 47.0, 16.0),
+        made.crossing(64.0, status=PassStatus.START, lap=5),
     ]
 
 

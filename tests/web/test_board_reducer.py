@@ -19,7 +19,9 @@ def page():
         assert pages.faults == []
 
 
-@pytest.mark.parametrize(("race", "laps_wanted"), [(one_car, 3), (one_car, None), (two_cars, None), (by_hand, 3)])
+@pytest.mark.parametrize(
+    ("race", "laps_wanted"), [(one_car, 3), (one_car, None), (two_cars, None), (by_hand, 3), (by_hand, None)]
+)
 def test_the_page_says_what_the_displays_say_after_each_event(page, race, laps_wanted):
     """Over whole races, one car and several, page and displays never differ: phase, laps, best, times, words, figures."""
     events = race()
@@ -58,6 +60,9 @@ events = st.one_of(
     ),
     st.builds(made.standings, times, cars, st.just(4)),
     st.builds(made.health, times),
+    st.builds(made.running, times, car=cars),
+    st.builds(made.incident, car=cars, start_s=times),
+    st.builds(made.run_summary),
 )
 
 

@@ -77,7 +77,9 @@ function moved(board, event) {
   if (event.event === "running") return withCar(board, event.car, (car) => ({ ...car, running: event }));
   if (event.event === "crossing" && event.direction === "forward") {
     if (event.line === board.start_line) return withCar(board, event.car, (car) => crossed(car, event));
-    if (event.status === "sector") return withCar(board, event.car, (car) => passed(car, event));
+    // A sector line makes no car known that was not: only the start line does.
+    const known = board.cars.some((car) => car.car === event.car);
+    if (event.status === "sector" && known) return withCar(board, event.car, (car) => passed(car, event));
   }
   return board;
 }
