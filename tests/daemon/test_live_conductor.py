@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from played import Camera, Clip, Panel, frame
+from played import Camera, Clip, Panel, frame, wait_until
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
@@ -123,12 +123,12 @@ def test_a_failed_recording_ends_no_process_that_stays(conduct: Callable[..., No
         assert state(client, Phase.FINISHED).reason == "the disk is full"
         client.say(WatchPictures, every_s=0.01)
         assert client.answer(client.say(ShowText, text="code", for_s=60.0)).done
+        wait_until(lambda: any(shown.notice == "code" for shown in means.panel.shown))
         assert means.begun == [None]
         assert client.answer(client.say(NewRun, entry="net")).done
 
     conduct(means, talk)
     assert means.begun == [None, "net"]
-    assert means.panel.shown[-1].notice == "code"
 
 
 def test_a_camera_that_goes_when_the_run_is_over_begins_no_other(
