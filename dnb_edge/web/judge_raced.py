@@ -1,4 +1,4 @@
-"""Runs that were raced again lately, so that a judge's next decision, and each thumbnail, need not race them anew.
+"""The run that was raced again last, so that a judge's next decision, and each thumbnail, need not race them anew.
 
 One run is raced at a time, whoever asks: the box has a race to look after. Knows recordings and pictures; knows no request.
 Its methods block, and may be called from several threads.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dnb_edge.archive.moments import picture_near
@@ -16,9 +16,10 @@ from dnb_edge.archive.replayed import Replayed, replay
 from dnb_edge.errors import InputError
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.report.evidence import thumbnail
-from dnb_edge.values import Observation, PointM, PointPx
+from dnb_edge.values import Observation, PointM, PointPx, Target
 
-KEPT_RUNS = 2
+KEPT_RUNS = 1
+"""An hour of one car is some 200 MB, and the pages have no memory to spare."""
 KEPT_PICTURES = 256
 """Of each run: some 10 kB each."""
 
@@ -38,7 +39,7 @@ class RacedRun:
 
 
 class RacedRuns:
-    """Keeps the last few."""
+    """Keeps the last one: those who judge at once judge the same."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -72,14 +73,18 @@ class RacedRuns:
         key = (path, there.st_mtime_ns, there.st_size)
         if key not in self._kept:
             unfinished = path.name.endswith(PART_SUFFIX)
-            run = RacedRun(raced=replay(path, edits=False, unfinished=unfinished), unfinished=unfinished)
-            for other in [one for one in self._kept if one[0] == path]:
-                del self._kept[other]
-            self._kept[key] = run
-            while len(self._kept) > KEPT_RUNS:
+            while len(self._kept) >= KEPT_RUNS:
+                # Before the next one is raced, which needs the room.
                 self._kept.popitem(last=False)
+            self._kept[key] = RacedRun(raced=_raced(path, unfinished=unfinished), unfinished=unfinished)
         self._kept.move_to_end(key)
         return self._kept[key]
+
+
+def _raced(path: Path, *, unfinished: bool) -> Replayed:
+    """The run without its targets, of which there is one a frame: no decision needs them."""
+    raced = replay(path, edits=False, unfinished=unfinished)
+    return replace(raced, events=tuple(event for event in raced.events if not isinstance(event, Target)))
 
 
 def _picture(raced: Replayed, t_ns: int, track_m: PointM, target_id: int | None) -> bytes | None:
