@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -33,6 +34,12 @@ def web(
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port. Default: web.port, or 8080.")] = None,
     runs: Annotated[Path, typer.Option(help="Directory with the recordings.")] = Path("runs"),
     setup: Annotated[Path, typer.Option(help="Directory that the set-up pages write.")] = Path("setup"),
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            help="Directory for what is made on the way to a browser. Default: $CACHE_DIRECTORY, or dnb-edge-web in the user's."
+        ),
+    ] = None,
     live: Annotated[Path, typer.Option("--socket", help="The live socket of dnb-edge run.")] = SYSTEM_SOCKET,
 ) -> None:
     """Serve the board, the set-up pages, the runs and the API to browsers.
@@ -42,7 +49,15 @@ def web(
     """
     found = _section(config_file, setup)
     host, port = found.host if host is None else host, found.port if port is None else port
-    settings = WebSettings(socket=live, runs=runs, setup=setup, state=setup, host=host, port=port, names=found.names)
+    settings = WebSettings(
+        socket=live,
+        runs=runs,
+        setup=setup,
+        state=_cache() if cache is None else cache,
+        host=host,
+        port=port,
+        names=found.names,
+    )
     listening = listener(host, port)
     try:
         app = make_app(settings)
@@ -52,6 +67,15 @@ def web(
         serve(app, listening)
     finally:
         listening.close()
+
+
+def _cache() -> Path:
+    """The service manager's cache directory, or the user's."""
+    given = os.environ.get("CACHE_DIRECTORY")
+    if given:
+        return Path(given)
+    user = os.environ.get("XDG_CACHE_HOME")
+    return (Path(user) if user else Path.home() / ".cache") / "dnb-edge-web"
 
 
 def _section(config_file: Path | None, setup: Path) -> WebConfig:

@@ -62,6 +62,7 @@ def test_the_pages_are_hardened(installable):
         ("PrivateDevices", ["yes"]),
         ("RestrictAddressFamilies", ["AF_UNIX AF_INET AF_INET6"]),
         ("ReadWritePaths", ["/var/lib/dnb-edge/runs /var/lib/dnb-edge/setup"]),
+        ("CacheDirectory", ["dnb-edge-web"]),
         ("ProtectSystem", ["strict"]),
         ("MemoryMax", ["1G"]),
         ("CapabilityBoundingSet", [""]),

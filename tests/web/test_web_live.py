@@ -472,9 +472,8 @@ def test_what_is_kept_and_on_its_way_comes_once() -> None:
         live = Live(daemon, 3)
         task = asyncio.create_task(live.run())
         await asyncio.sleep(0)
-        socket = Socket()
-        for number in range(5):
-            daemon.say(number)
+        # Said while the browser is being let in: kept by then, and handed on only afterwards.
+        socket = Socket(at_the_door=lambda: [daemon.say(number) for number in range(5)])
         viewing = asyncio.create_task(live.serve(socket))  # type: ignore[arg-type]
         await asyncio.sleep(0)
         for number in range(5, 8):
@@ -527,7 +526,8 @@ def test_a_browser_that_does_not_listen_is_cut_off() -> None:
 class Socket:
     """As much of a WebSocket as `Live.serve` uses."""
 
-    def __init__(self, *, deaf: bool = False) -> None:
+    def __init__(self, *, deaf: bool = False, at_the_door: Callable[[], object] = list) -> None:
+        self.at_the_door = at_the_door
         self.query_params: dict[str, str] = {}
         self.sent: list[str] = []
         self.closed: int | None = None
@@ -537,7 +537,7 @@ class Socket:
             self.deaf.set()
 
     async def accept(self) -> None:
-        pass
+        self.at_the_door()
 
     async def receive(self) -> dict[str, Any]:
         await self.leave.wait()
