@@ -5,6 +5,8 @@ Knows requests and the index; what a run's results are `runs_results` knows, and
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import time
 from pathlib import Path
 from typing import cast
@@ -100,6 +102,13 @@ class _Runs:
     def __init__(self, box: Box) -> None:
         self._box = box
         self._disk_seen: tuple[float, Disk] | None = None
+        # A thousand recordings take seconds at the first look: nobody has to wait for that.
+        threading.Thread(target=self._warm_up, name="runs", daemon=True).start()
+
+    def _warm_up(self) -> None:
+        with contextlib.suppress(InputError):
+            # Whoever asks is told.
+            self._index.runs()
 
     @property
     def _index(self) -> RunIndex:

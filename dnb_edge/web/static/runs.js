@@ -208,7 +208,7 @@ function tableOf(found, path) {
     el("td", { class: "number" }, spread(row.best_lap_s, row.best_lap_sigma_s, 3))));
   return [
     ...found.warnings.map((text) => el("p", { class: "notice notice--warn" }, text)),
-    el("div", { class: "scroll-x" }, el("table", { class: "table" },
+    el("div", { class: "scroll-x", tabindex: "0", role: "region", "aria-label": "Figures of the entries" }, el("table", { class: "table" },
       el("thead", {}, el("tr", {}, ...head.map((text, k) => el("th", { scope: "col", class: k === 0 ? null : "number" }, text)))),
       el("tbody", {}, ...rows))),
     ...found.notes.map((text) => el("p", { class: "muted" }, text)),
