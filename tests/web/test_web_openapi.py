@@ -19,7 +19,7 @@ from dnb_edge.web.endpoint import API, Access
 from dnb_edge.web.guard_rates import Limits
 from dnb_edge.web.openapi import document
 
-EXAMPLES = 4
+EXAMPLES = 3
 """Of each operation and kind, so that all of it takes seconds."""
 CHECKS = [content_type_conformance, response_schema_conformance]
 
