@@ -135,6 +135,18 @@ def test_a_file_that_is_another_one_now(tmp_path: Path) -> None:
     assert index.runs() == ()
 
 
+def test_another_unfinished_file_in_the_same_place(tmp_path: Path) -> None:
+    """Where a name and even an inode are used again before anybody looked, nothing of the file before is shown."""
+    path = record(tmp_path / "here", 2.5, 2.6, name=ONE, entry="alpha", finish=False)
+    index = RunIndex(path.parent)
+    assert len(index.laps(index.runs()[0])) == 2
+    other = record(tmp_path / "there", 2.4, 2.7, 2.8, name=ONE, entry="beta", finish=False)
+    path.write_bytes(other.read_bytes())
+    (run,) = index.runs()
+    assert run.entry == "beta"
+    assert index.laps(run) == RunIndex(other.parent).laps(RunIndex(other.parent).runs()[0])
+
+
 def test_many_ask_at_once(tmp_path: Path) -> None:
     """Looks from several threads while files come and go give whole answers."""
     index, faults = RunIndex(tmp_path), []
