@@ -27,7 +27,8 @@ def tap(page: Page, view: str, of: str, px: Any) -> None:
     """Clicks at a place of the picture that is shown whole: px have their middle at whole numbers.
 
     Playwright counts from within the canvas's rim."""
-    canvas = page.locator(f"#{view} canvas")
+    page.wait_for_selector("#setup[data-ready=yes]")
+    canvas = page.locator(f"#{view} canvas[data-shown=yes]")
     canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
     assert box is not None

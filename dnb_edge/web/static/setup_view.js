@@ -340,6 +340,7 @@ export class PictureView {
     const pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    canvas.dataset.shown = this.#image === null || this.#size === null ? "no" : "yes";
     if (this.#image === null || this.#size === null) return;
     this.#paint(pen, (at) => this.#toCss(at), this.#scale());
     const cursor = this.#cursorCss();
