@@ -53,6 +53,10 @@ class Process:
         return self.log.read_text()
 
     @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
     def running(self) -> bool:
         return self._process.poll() is None
 
@@ -149,11 +153,11 @@ class RunningBox:
 
 
 @contextlib.contextmanager
-def running_box(folder: Path, **settings: Any) -> Iterator[RunningBox]:
-    """A box with both processes running."""
+def running_box(folder: Path, *, more: Sequence[str] = (), **settings: Any) -> Iterator[RunningBox]:
+    """A box with both processes running; `more` words go to the appliance."""
     box = RunningBox(folder, **settings)
     try:
-        box.start_daemon()
+        box.start_daemon(*more)
         box.start_web()
         yield box
     finally:
