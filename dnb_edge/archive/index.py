@@ -1,178 +1,38 @@
 """All recordings in a directory at a glance, fast for a thousand of them and right while one is being recorded.
 
-Each file is looked into once and again only when it changed; of one that is being recorded only what came since. Files that
-go on from one another are one run. A run has an id that is no path: the same after a restart, and after its file got its final
-name. Knows recordings; knows nothing of who reads the list.
+Each file is looked into once and again only when it changed; of one that is being recorded only what came since. Knows
+recordings; knows nothing of who reads the list.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from dnb_edge import wire
-from dnb_edge.archive.glance import ChunkPlace, Contents, Walked, chunks_of, glance, messages, walk
-from dnb_edge.archive.label import read_label, stem_of
+from dnb_edge.archive.glance import ChunkPlace, Walked, chunks_of, glance, messages, walk
+from dnb_edge.archive.joined import joined
+from dnb_edge.archive.label import stem_of
+from dnb_edge.archive.stored import FileState, SeenFile, StoredRecording
 from dnb_edge.errors import InputError
 from dnb_edge.race.marshal import Marshalled, apply
 from dnb_edge.record.chain import Head, read_head
 from dnb_edge.record.channels import EVENT_TOPICS
 from dnb_edge.record.durable import PART_SUFFIX
-from dnb_edge.record.edits import RunIdentity, edits_path, read_edits
-from dnb_edge.record.names import pictures_directory
-from dnb_edge.record.retention import LABEL_SUFFIX, PIN_SUFFIX, has_own_name, is_locked
+from dnb_edge.record.edits import read_edits
+from dnb_edge.record.retention import is_locked
 from dnb_edge.values import Crossing, Lap
 
 E = TypeVar("E")
 
 _LAP_TOPIC = EVENT_TOPICS[Lap]
-_ID_BYTES = 12
 _MARK_BYTES = 64
 """A chunk's stamps, lengths and checksum."""
-
-
-class FileState(StrEnum):
-    """How a recording stands."""
-
-    RECORDING = "recording"
-    FINISHED = "finished"
-    CUT = "cut"
-    """It was cut short, and nobody finished it yet."""
-    DAMAGED = "damaged"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeenFile:
-    """One file of a recording."""
-
-    path: Path
-    size_bytes: int
-    modified_ns: int
-    state: FileState
-    head: Head | None
-    """What it says before its first message, without the setup and the configuration; None where that cannot be read."""
-    contents: Contents | None
-    note: str | None
-    """What is the matter with it, in a line; None where nothing is."""
-
-    @property
-    def stem(self) -> str:
-        """Its name without ending."""
-        return stem_of(self.path)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredRecording:
-    """One run: a file, or several that go on from one another."""
-
-    id: str
-    files: tuple[SeenFile, ...]
-    """Oldest first."""
-    missing: str | None
-    """Name of the file that should come first and is not there."""
-    label: str | None
-    pinned: bool
-    pinnable: bool
-    """False where it is never deleted anyway, since somebody renamed it."""
-    edited: bool
-    """A judge has decided something about it."""
-    pictures_bytes: int
-
-    @property
-    def last(self) -> SeenFile:
-        """The file by which all of it is read."""
-        return self.files[-1]
-
-    @property
-    def state(self) -> FileState:
-        """How its last file stands."""
-        return self.last.state
-
-    @property
-    def entry(self) -> str | None:
-        """Who drives; None where the file cannot be read."""
-        return None if self.last.head is None else self.last.head.header.driver.name
-
-    @property
-    def session(self) -> str | None:
-        """Name of its session; None where nobody named one."""
-        return None if self.last.head is None else self.last.head.header.session
-
-    @property
-    def laps(self) -> int | None:
-        """How many the race counted; None where that cannot be read."""
-        counts = [file.contents.counts.get(_LAP_TOPIC, 0) for file in self.files if file.contents is not None]
-        return sum(counts) if counts else None
-
-    @property
-    def first_t_ns(self) -> int | None:
-        """Stamp of its first message, the source's clock."""
-        stamps = (file.contents.first_t_ns for file in self.files if file.contents is not None)
-        return min((one for one in stamps if one is not None), default=None)
-
-    @property
-    def last_t_ns(self) -> int | None:
-        """Stamp of its last message."""
-        stamps = (file.contents.last_t_ns for file in self.files if file.contents is not None)
-        return max((one for one in stamps if one is not None), default=None)
-
-    @property
-    def started_unix_ns(self) -> int | None:
-        """When it began, by the system's clock then; None for a source whose clock has no such time."""
-        offset_ns = None if self.last.head is None else self.last.head.header.wall_offset_ns
-        return None if offset_ns is None or self.first_t_ns is None else self.first_t_ns + offset_ns
-
-    @property
-    def ordered_ns(self) -> int:
-        """When it began or, where nobody knows, when its last file was written: for the order of a list."""
-        started = self.started_unix_ns
-        return self.last.modified_ns if started is None else started
-
-    @property
-    def size_bytes(self) -> int:
-        """Of its files, without pictures beside them."""
-        return sum(file.size_bytes for file in self.files)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is the matter with it, a line each."""
-        told = [] if self.missing is None else [f"goes on from {self.missing}, which is not here"]
-        return (*told, *(file.note for file in self.files if file.note is not None))
-
-    @property
-    def identity(self) -> RunIdentity | None:
-        """What tells this recording from others; None where it cannot be read."""
-        return None if self.last.head is None else RunIdentity.of(self.last.head.header, self.first_t_ns)
-
-    @property
-    def stamp(self) -> str:
-        """Text that is another one as soon as anything changes that its results are made of."""
-        parts = [f"{file.path.name} {file.size_bytes} {file.modified_ns}" for file in self.files]
-        try:
-            found = edits_path(self.last.path).stat()
-            parts.append(f"edits {found.st_size} {found.st_mtime_ns}")
-        except FileNotFoundError:
-            pass
-        return hashlib.blake2b("\n".join(parts).encode(), digest_size=16).hexdigest()
-
-
-def run_id(stem: str) -> str:
-    """The id of the run whose first file is called `stem`."""
-    return hashlib.blake2b(
-        stem.encode(errors="surrogateescape"), digest_size=_ID_BYTES, person=b"dnb-edge run"
-    ).hexdigest()
-
-
-def session_id(name: str) -> str:
-    """The id of the session of this name."""
-    return hashlib.blake2b(name.encode(errors="replace"), digest_size=_ID_BYTES, person=b"dnb-edge ses").hexdigest()
 
 
 class _Kept:
@@ -233,7 +93,7 @@ class RunIndex:
             files = [seen for entry in entries if _is_recording(entry) and (seen := self._look(entry)) is not None]
             for gone in self._kept.keys() - {file.stem for file in files}:
                 del self._kept[gone]
-        return tuple(sorted(_joined(files, names), key=lambda run: (-run.ordered_ns, run.id)))
+        return tuple(sorted(joined(files, names), key=lambda run: (-run.ordered_ns, run.id)))
 
     def find(self, wanted: str) -> StoredRecording | None:
         """The run with this id; None where there is none."""
@@ -364,65 +224,6 @@ def _seen(kept: _Kept, path: Path, size_bytes: int, modified_ns: int) -> SeenFil
         contents=contents,
         note=note,
     )
-
-
-def _joined(files: Sequence[SeenFile], names: set[str]) -> Iterator[StoredRecording]:
-    """The runs that these files make, those that go on from one another being one."""
-    by_final = {f"{file.stem}.mcap": file for file in sorted(files, key=lambda file: file.path.name)}
-    taken: set[str] = set()
-    gone_on = {file.head.previous for file in by_final.values() if file.head is not None}
-    # First the last files of all chains; then whatever is left, which names itself in a ring.
-    ends = [name for name in by_final if name not in gone_on]
-    for name in (*ends, *by_final):
-        if name in taken:
-            continue
-        chain, missing = _chain(name, by_final, taken)
-        taken.update(f"{file.stem}.mcap" for file in chain)
-        yield _run(chain, missing, names)
-
-
-def _chain(name: str, by_final: dict[str, SeenFile], taken: set[str]) -> tuple[tuple[SeenFile, ...], str | None]:
-    """(the files up to the one called `name`, oldest first; the name of the one that is missing before them)."""
-    chain: list[SeenFile] = []
-    before: str | None = name
-    while before is not None:
-        file = by_final.get(before)
-        if file is None:
-            break
-        if before in taken or file in chain:
-            # Two files that go on from the same one: it is read with the first of them.
-            before = None
-            break
-        chain.append(file)
-        before = None if file.head is None else file.head.previous
-    return tuple(reversed(chain)), before
-
-
-def _run(files: tuple[SeenFile, ...], missing: str | None, names: set[str]) -> StoredRecording:
-    own = [file for file in files if has_own_name(file.path)]
-    first = files[0].stem if missing is None else stem_of(Path(missing))
-    labels = (read_label(file.path) for file in files if file.stem + LABEL_SUFFIX in names)
-    return StoredRecording(
-        id=run_id(first),
-        files=files,
-        missing=missing,
-        label=next((label for label in labels if label is not None), None),
-        pinned=bool(own) and all(file.stem + PIN_SUFFIX in names for file in own),
-        pinnable=bool(own),
-        edited=edits_path(files[-1].path).name in names,
-        pictures_bytes=sum(_pictures_bytes(file.path) for file in files if f"{file.stem}.pictures" in names),
-    )
-
-
-def _pictures_bytes(recording: Path) -> int:
-    total = 0
-    try:
-        for entry in os.scandir(pictures_directory(recording)):
-            total += entry.stat().st_size
-    except (FileNotFoundError, NotADirectoryError):
-        # The ring goes on meanwhile.
-        pass
-    return total
 
 
 def _decoded(path: Path, kind: type[E], text: bytes) -> E:

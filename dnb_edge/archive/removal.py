@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from dnb_edge.archive.index import SeenFile, StoredRecording
 from dnb_edge.archive.label import label_path, stem_of
+from dnb_edge.archive.stored import SeenFile, StoredRecording
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.record.durable import sync_directory
 from dnb_edge.record.edits import edits_path

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dnb_edge.archive.index import FileState, RunIndex, StoredRecording
+from dnb_edge.archive.index import RunIndex
 from dnb_edge.archive.label import label_path
 from dnb_edge.archive.stick import NoRoom, Pace, SourceFailed, Stick, StickFailed, TooLarge
 from dnb_edge.archive.stick_names import plain_name, plain_names
+from dnb_edge.archive.stored import FileState, StoredRecording
 from dnb_edge.errors import InputError
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.edits import edits_path

@@ -53,7 +53,7 @@ def web(
         socket=live,
         runs=runs,
         setup=setup,
-        state=_cache() if cache is None else cache,
+        cache=_cache() if cache is None else cache,
         host=host,
         port=port,
         names=found.names,

@@ -26,8 +26,8 @@ class WebSettings:
     """The directory with the recordings."""
     setup: Path
     """The directory that the wizard writes: dnb-edge.yaml and the pictures, calibrations and models that it names."""
-    state: Path
-    """The web's own directory, for what it makes on the way to a browser; all of it may be deleted."""
+    cache: Path
+    """For what is made on the way to a browser; all of it may be deleted."""
     host: str = "0.0.0.0"  # noqa: S104 a board for all on the LAN is what it is for
     port: int = 8080
     names: tuple[str, ...] = ()

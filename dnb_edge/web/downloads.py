@@ -17,8 +17,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from dnb_edge.archive.index import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.archive.label import label_path
+from dnb_edge.archive.stored import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.errors import InputError
 from dnb_edge.record.edits import edits_path
 from dnb_edge.record.names import pictures_directory, pictures_files
@@ -112,7 +112,7 @@ class _Downloads:
 
     def __init__(self, box: Box) -> None:
         self._box = box
-        self._jobs = Jobs(box.settings.state / "copies")
+        self._jobs = Jobs(box.settings.cache / "copies")
         self._lanes = Lanes(box.settings.most_downloads, box.settings.download_mb_per_s * 1e6)
         self._copies: OrderedDict[tuple[str, int], list[_Content]] = OrderedDict()
 

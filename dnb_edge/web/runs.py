@@ -15,9 +15,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from dnb_edge.archive.index import RunIndex, StoredRecording
+from dnb_edge.archive.index import RunIndex
 from dnb_edge.archive.label import write_label
 from dnb_edge.archive.removal import remove_run
+from dnb_edge.archive.stored import StoredRecording
 from dnb_edge.config.devices import RecordConfig
 from dnb_edge.config.load import load_config
 from dnb_edge.errors import InputError, WorkError

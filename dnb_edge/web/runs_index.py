@@ -8,7 +8,8 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from dnb_edge.archive.index import RunIndex, StoredRecording
+from dnb_edge.archive.index import RunIndex
+from dnb_edge.archive.stored import StoredRecording
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import Refused
 

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
 
-from dnb_edge.archive.index import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.archive.label import stem_of
+from dnb_edge.archive.stored import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.race.marshal import Marshalled, MarshalledLap
 from dnb_edge.race.standings import official_s
 from dnb_edge.report.table import printable

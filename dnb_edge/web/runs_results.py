@@ -17,9 +17,10 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 
 from dnb_edge import wire
-from dnb_edge.archive.index import FileState, RunIndex, StoredRecording, session_id
+from dnb_edge.archive.index import RunIndex
 from dnb_edge.archive.run_csv import incidents_csv, laps_csv, passes_csv
 from dnb_edge.archive.run_latex import laps_latex
+from dnb_edge.archive.stored import FileState, StoredRecording, session_id
 from dnb_edge.archive.thumbnail import track_picture
 from dnb_edge.errors import InputError
 from dnb_edge.race.marshal import Marshalled
@@ -101,7 +102,7 @@ class _Results:
 
     def __init__(self, box: Box) -> None:
         self._box = box
-        self._jobs = Jobs(box.settings.state / "made")
+        self._jobs = Jobs(box.settings.cache / "made")
         self._pictures: OrderedDict[tuple[str, str], bytes] = OrderedDict()
 
     @property

@@ -142,7 +142,7 @@ def browser(runs: Path, *, logged_in: bool = True) -> TestClient:
     """A client of an app that serves the recordings in `runs`."""
     daemon = Shown()
     place = runs.parent
-    settings = WebSettings(socket=place / "no.sock", runs=runs, setup=place / "setup", state=place / "state")
+    settings = WebSettings(socket=place / "no.sock", runs=runs, setup=place / "setup", cache=place / "cache")
     client = TestClient(make_app(settings, daemon=daemon), base_url="http://localhost", client=("127.0.0.1", 50000))
     if logged_in:
         client.get("/login")

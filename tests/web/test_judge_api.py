@@ -17,7 +17,7 @@ from judged_runs import Car, Wanderer, browser, record, setup
 from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
-from dnb_edge.archive.index import run_id
+from dnb_edge.archive.stored import run_id
 from dnb_edge.cli.main import app
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.rules import CarSetup

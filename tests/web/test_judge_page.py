@@ -12,7 +12,7 @@ from judged_runs import Wanderer, record
 from playwright.sync_api import Browser, Page, expect
 from running_box import PATIENCE_S, RunningBox, chromium, log_in, opened
 
-from dnb_edge.archive.index import run_id
+from dnb_edge.archive.stored import run_id
 from dnb_edge.record.edits import edits_path
 
 PHONE_PX = (390, 844)

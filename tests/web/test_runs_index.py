@@ -7,7 +7,8 @@ import pytest
 from runs_made import Car, header_of, record, recorder, said, setup
 
 from dnb_edge.archive.glance import Walked, chunks_of, glance, walk
-from dnb_edge.archive.index import FileState, RunIndex, run_id, session_id
+from dnb_edge.archive.index import RunIndex
+from dnb_edge.archive.stored import FileState, run_id, session_id
 from dnb_edge.record.reader import read_run
 from dnb_edge.record.recover import recover_file
 from dnb_edge.values import FrameDetections, Lap

@@ -26,7 +26,7 @@ def settings_in(folder: Path, **changes: Any) -> WebSettings:
     for name in ("runs", "setup"):
         (folder / name).mkdir(exist_ok=True)
     places: dict[str, Any] = {"socket": folder / "live.sock", "runs": folder / "runs", "setup": folder / "setup"}
-    return WebSettings(**(places | {"state": folder} | changes))
+    return WebSettings(**(places | {"cache": folder} | changes))
 
 
 def app_in(folder: Path, **changes: Any) -> Starlette:
