@@ -9,12 +9,15 @@ import hashlib
 import shutil
 import struct
 import subprocess
+import time
 from pathlib import Path
 
-from harness.guest import Guest
+from harness.guest import Guest, GuestFault
 
 _FIRST_SECTOR = 2048
 _SECTOR_BYTES = 512
+PATIENCE_S = 60.0
+"""For the guest to let a pulled stick go."""
 
 
 def obstacle() -> str | None:
@@ -65,8 +68,19 @@ class Stick:
         )
 
     def pull(self, guest: Guest) -> None:
-        """Pulls it out."""
+        """Pulls it out; it can be plugged in again."""
         guest.monitor("device_del", id=self._name)
+        deadline_s = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                guest.monitor("blockdev-del", **{"node-name": self._name})
+            except GuestFault:
+                # Still in use: the guest has not let it go yet.
+                if time.monotonic() > deadline_s:
+                    raise
+                time.sleep(0.1)
+            else:
+                return
 
     @property
     def _part(self) -> str:
