@@ -83,7 +83,7 @@ class RunMeans:
             display_uri=self.display if self.display is not None else config.display.uri,
             last_good=self.last_good,
             config_fault=fault,
-            resume_within_s=self.resume_within_s,
+            resume_within_s=self.resume_within_s if live is None or live.resumes else 0.0,
         )
         if live is not None:
             live.starts(options.source_uri)
@@ -183,7 +183,7 @@ def load_run_config(config_file: Path | None, overrides: Sequence[str], *, setup
         own = setup / CONFIG_NAME
         if not own.exists():
             raise InputError(
-                f"no track is set up yet: do so on the pages of `dnb-edge web`, or write {named} (`dnb-edge demo` shows how)"
+                f"no track is set up yet: go through Set up on the box's pages (dnb-edge web), or write {named}"
             )
         return load_config(own, overrides)
     if config_file is None and not SYSTEM_CONFIG.exists():

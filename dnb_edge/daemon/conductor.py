@@ -34,6 +34,8 @@ WAITS_S = (1.0, 1.0, 2.0)
 RETRY_S = 10.0
 """How often a race is tried again that a track and a camera are there for, while nobody looks at pictures."""
 SLICE_S = 0.2
+BUILD_S = 60.0
+"""How long a run may take to be built, an earlier one's files being looked through: as long as the unit gives its start."""
 
 log = logging.getLogger(__name__)
 
@@ -83,6 +85,7 @@ class Conductor:
         self._stays = stays
         self._told: str | None = None
         self._tries = 0
+        self._raced = False
 
     def conduct(self) -> None:
         """Raises what ends a run badly, and why none can begin where nobody could mend that meanwhile."""
@@ -91,19 +94,19 @@ class Conductor:
         self._notifier.stopping()
 
     def _go_on(self) -> None:
-        wish = Wish(aim=False)
+        wish = Wish(aim=False, resumes=True)
         while not self._orders.quits:
             if wish.aim:
                 self._orders.aims = True
                 self._aim()
                 self._orders.aims = False
             else:
-                over = self._race(wish.entry)
+                over = self._race(wish)
                 if over and not self._stays and not self._orders.waits:
                     return
-            wish = self._orders.take() or Wish(aim=False, entry=None)
+            wish = self._orders.take() or Wish(aim=False, resumes=True)
 
-    def _race(self, entry: str | None) -> bool:
+    def _race(self, wish: Wish) -> bool:
         """One attempt at a run; True where it came to its end, False where it did not begin and may be tried again."""
         orders = self._orders
         live = LiveRun(
@@ -112,17 +115,18 @@ class Conductor:
             notices=self._notices,
             goes_on=lambda: not orders.quits and (self._stays or orders.waits),
             on_begin=self._begun,
+            # What this process has raced itself it has ended itself.
+            resumes=wish.resumes and not self._raced,
         )
-        failure = None
+        failure = obstacle = None
         self._notifier.was_ready = False
-        self._notifier.feed_now()
+        self._notifier.feed_now(for_s=BUILD_S)
         try:
-            self._means.race(live, entry)
+            self._means.race(live, wish.entry)
         except (InputError, TemporaryFault) as error:
             if self._notifier.was_ready or not (self._stays or self._notifier.active):
                 raise
-            self._cannot_begin(" ".join(str(error).split()))
-            return False
+            obstacle = " ".join(str(error).split())
         except WorkError as error:
             if orders.quits or not (self._stays or orders.waits):
                 raise
@@ -131,13 +135,17 @@ class Conductor:
             log.warning("%s", failure)
         finally:
             orders.races = False
+            self._notifier.feed_now()
+        if obstacle is not None:
+            self._cannot_begin(obstacle)
+            return False
         over = replace(self._server.state, phase=Phase.FINISHED, reason=failure)
         while self._stays and not orders.waits and not orders.quits:
             self._pictures(over, live.board, terminal=False, until=lambda: False)
         return True
 
     def _begun(self) -> None:
-        self._told, self._tries = None, 0
+        self._told, self._tries, self._raced = None, 0, True
         self._orders.races = True
         self._notifier.feed_now()
         self._orders.done()
@@ -193,6 +201,8 @@ class Conductor:
     def _fault(self, reason: str) -> None:
         """Says what is wrong, and waits a little."""
         self._server.show(State(phase=Phase.FAULT, reason=reason))
+        # All that can be done is done: who starts services need not wait for a camera, nor start this one again and again.
+        self._notifier.ready()
         until_s = time.monotonic() + WAITS_S[min(self._tries, len(WAITS_S) - 1)]
         self._tries += 1
         self._notifier.feed_now()

@@ -32,12 +32,15 @@ class LiveRun:
         notices: Notices,
         goes_on: Callable[[], bool],
         on_begin: Callable[[], None],
+        resumes: bool,
     ) -> None:
-        """`stop` ends the run once it is set; `goes_on` tells, at its end, whether the process lives on."""
+        """`stop` ends the run once it is set; `goes_on` tells, at its end, whether the process lives on; `resumes`: whether it
+        may go on with a run that was cut short."""
         self._server = server
         self._goes_on = goes_on
         self._on_begin = on_begin
         self.stop = stop
+        self.resumes = resumes
         self.notices = notices
         self.sink = LiveSink(server)
         self.board = BoardState()

@@ -23,6 +23,8 @@ class Wish:
     """True for pictures only, False for a race."""
     entry: str | None = None
     """Who or what drives; None for the configuration's own."""
+    resumes: bool = False
+    """Whether the race may go on with one that was cut short: never where somebody asks for another one."""
 
 
 class Orders:
@@ -36,6 +38,8 @@ class Orders:
         self._reply: Reply | None = None
         """Of the order that is under way."""
         self._wish: Wish | None = None
+        self._taken = False
+        """Whether its wish was taken: only then is what begins or fails its own."""
         self.aims = False
         """Whether somebody aims the camera."""
         self.races = False
@@ -60,14 +64,15 @@ class Orders:
         """The wish to be fulfilled now."""
         with self._lock:
             wish, self._wish = self._wish, None
+            self._taken |= wish is not None
             return wish
 
     def done(self, reason: str | None = None) -> None:
         """The wish that was taken is fulfilled, or is not, for a `reason`. Nothing where nobody waits for it."""
         with self._lock:
-            if self._wish is not None:
-                return  # what waits for an answer has not begun
-            reply, self._reply = self._reply, None
+            if not self._taken:
+                return  # what waits for an answer, if anything does, has not begun
+            reply, self._reply, self._taken = self._reply, None, False
         if reply is not None:
             reply(reason)
 
@@ -96,15 +101,24 @@ class Orders:
 
     def _new_run(self, order: NewRun) -> None:
         """Looks first whether it could begin: no race is ended for one that cannot."""
+        reason: str | None = "it cannot be told whether a race could begin: the box's log says why"
         try:
             self._check(order.entry)
+            reason = None
         except InputError as error:
-            with self._lock:
-                reply, self._reply = self._reply, None
-            if reply is not None:
-                reply(" ".join(str(error).split()))
-            return
-        self._want(Wish(aim=False, entry=order.entry))
+            reason = " ".join(str(error).split())
+        finally:
+            # Whatever else goes wrong: no later order is to be refused for one that nobody answers any more.
+            if reason is not None:
+                self._refuse(reason)
+        if reason is None:
+            self._want(Wish(aim=False, entry=order.entry))
+
+    def _refuse(self, reason: str) -> None:
+        with self._lock:
+            reply, self._reply = self._reply, None
+        if reply is not None:
+            reply(reason)
 
     def _want(self, wish: Wish) -> None:
         with self._lock:

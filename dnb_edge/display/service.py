@@ -30,6 +30,10 @@ class ServiceNotifier:
         self._period_s = watchdog_period_s()
         self._fed_s: float | None = None
         self._status: str | None = None
+        self._watched = False
+        """Whether the manager's watchdog runs: from the first READY on, or the first food."""
+        self._patient = False
+        """Whether it was told to wait longer than usual."""
         self.was_ready = False
         """Whether `ready` was told."""
 
@@ -44,8 +48,8 @@ class ServiceNotifier:
         return self._period_s if self.active else None
 
     def ready(self) -> None:
-        """The first frame has come and the recording stands: units ordered after this one may start."""
-        self.was_ready = True
+        """The first frame has come and the recording stands, or what they wait for was said: units after this one may start."""
+        self.was_ready = self._watched = True
         self._tell("READY=1")
 
     def show(self, state: BoardState) -> None:
@@ -72,14 +76,24 @@ class ServiceNotifier:
         if not (progressed and due and self._period_s is not None):
             return False
         self._fed_s = now_s
+        self._watched = True
         self._tell("WATCHDOG=1")
         return True
 
-    def feed_now(self) -> None:
-        """Feed the watchdog between two phases of the process, each of which may take some seconds."""
-        if self._period_s is not None:
-            self._fed_s = self._clock_s()
-            self._tell("WATCHDOG=1")
+    def feed_now(self, *, for_s: float | None = None) -> None:
+        """Feed the watchdog between two phases of the process, of which the next takes its patience at most, or `for_s`.
+
+        Does nothing before the service was ready: until then the manager goes by its start timeout, and food would have it go
+        by the shorter one of the two.
+        """
+        if self._period_s is None or not self._watched:
+            return
+        self._fed_s = self._clock_s()
+        if for_s is not None or self._patient:
+            self._patient = for_s is not None
+            patience_s = 2.0 * self._period_s if for_s is None else max(for_s, 2.0 * self._period_s)
+            self._tell(f"WATCHDOG_USEC={round(patience_s * 1e6)}")
+        self._tell("WATCHDOG=1")
 
     def stopping(self) -> None:
         """The run is over; the recording is being finished."""

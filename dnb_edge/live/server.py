@@ -48,6 +48,8 @@ TICK_S = 0.5
 MOST_FRESH = 512
 """Fleeting events on their way to the clients; later ones are lost."""
 LEAST_EVERY_S = 0.02
+MOST_EVERY_S = 60.0
+"""Between two pictures of a client, whatever it asks."""
 ACCEPT_AGAIN_S = 0.1
 CLOSE_S = 1.0
 """How long the last words may take."""
@@ -231,7 +233,9 @@ class LiveServer:
                     client.follow(self._place(asked))
             case WatchPictures():
                 with self._lock:
-                    client.every_s = None if asked.every_s is None else max(LEAST_EVERY_S, asked.every_s)
+                    client.every_s = (
+                        None if asked.every_s is None else min(MOST_EVERY_S, max(LEAST_EVERY_S, asked.every_s))
+                    )
                     client.picture_due_s = 0.0
                     self._count_watchers()
                 client.answer(Answer(ask=asked.ask, done=True))
@@ -323,8 +327,12 @@ class LiveServer:
                 self._new_frame.wait()
                 self._new_frame.clear()
                 continue
-            if self._closing.wait(max(0.0, due_s - time.monotonic())):
-                return
+            early_s = due_s - time.monotonic()
+            if early_s > 0.0:
+                # No longer: somebody else may want one sooner.
+                if self._closing.wait(min(early_s, TICK_S)):
+                    return
+                continue
             frame = self._frame
             picture = None
             if frame is not None and any(client.pictured is not frame for client in self._due()):

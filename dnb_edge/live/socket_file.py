@@ -6,6 +6,7 @@ Knows sockets as files. Knows no message.
 from __future__ import annotations
 
 import fcntl
+import logging
 import os
 import socket
 import stat
@@ -18,6 +19,8 @@ WAITING = 8
 """Connections that wait to be accepted."""
 MOST_PATH_BYTES = 107
 """unix(7): sun_path."""
+
+log = logging.getLogger(__name__)
 
 
 class SocketFile:
@@ -53,6 +56,8 @@ class SocketFile:
                 self.path.unlink()
         except FileNotFoundError:
             pass  # somebody has swept it away already
+        except OSError as error:
+            log.warning("%s: left behind: %s", self.path, error.strerror)
         finally:
             os.close(self._lock)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from played import Camera, Clip, Panel, frame, wait_until
+from service_manager import Manager, environment
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 
@@ -37,12 +38,14 @@ class Means:
         self.notifier = ServiceNotifier()
         self.ends = list(ends)
         self.begun: list[str | None] = []
+        self.resumes: list[bool] = []
         self.camera: Callable[[], FrameSource] = self._film
         self.panel = Panel()
 
     def race(self, live: LiveRun, entry: str | None) -> None:
         """A run that begins, and ends well or not; one that does not begin for an `InputError`; without an end, by a wish."""
         self.begun.append(entry)
+        self.resumes.append(live.resumes)
         end = self.ends.pop(0) if self.ends else None
         if isinstance(end, InputError):
             raise end
@@ -191,6 +194,84 @@ def test_a_clip_is_shown_over_and_over(conduct: Callable[..., None]) -> None:
 
     conduct(means, talk)
     assert len(opened) >= 3
+
+
+def test_only_the_first_race_of_a_process_goes_on_with_another(
+    conduct: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tried again where it could not begin; never where somebody asks for another, though the last one's recording failed."""
+    monkeypatch.setattr(conductor_module, "WAITS_S", (0.01,))
+    means = Means(NO_CAMERA, WorkError("the disk is full"), None)
+
+    def camera() -> FrameSource:
+        raise NO_CAMERA
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        client.hear_until(lambda one: isinstance(one, State) and one.reason == "the disk is full")
+        assert client.answer(client.say(NewRun)).done
+
+    conduct(means, talk)
+    assert means.resumes == [True, True, False]
+
+
+def test_a_run_that_is_asked_for_first_goes_on_with_none(
+    conduct: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor where the process has not raced yet."""
+    monkeypatch.setattr(conductor_module, "WAITS_S", (60.0,))
+    means = Means(NO_CAMERA, None)
+    film = means.camera
+
+    def camera() -> FrameSource:
+        if len(means.begun) < 2:
+            raise NO_CAMERA
+        return film()
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        state(client, Phase.FAULT)
+        assert client.answer(client.say(NewRun)).done
+
+    conduct(means, talk)
+    assert means.resumes == [True, False]
+
+
+def test_the_manager_waits_for_no_camera(
+    conduct: Callable[..., None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A fault that is told is all that a start can come to: READY, or the process would be ended and started for ever; food in
+    each phase, and more patience only while a run is built."""
+    pytest.importorskip("systemd.daemon", reason="the systemd binding is not installed")
+    monkeypatch.setattr(conductor_module, "WAITS_S", (0.01,))
+    manager = Manager(tmp_path / "notify")
+    for name, value in environment(manager.path, watchdog_s=10.0).items():
+        monkeypatch.setenv(name, value)
+    means = Means(NO_CAMERA, None, None)
+    film, told = means.camera, list[str]()
+
+    def camera() -> FrameSource:
+        if len(means.begun) < 2:
+            told.extend(manager.heard())
+            raise NO_CAMERA
+        return film()
+
+    means.camera = camera
+
+    def talk(client: Caller) -> None:
+        state(client, Phase.FINISHED)
+
+    conduct(means, talk)
+    manager_heard = told + manager.heard()
+    manager.close()
+    assert means.begun == [None, None]
+    ready = manager_heard.index("READY=1")
+    assert manager_heard[:ready] == [f"STATUS=cannot start yet: {NO_CAMERA}"]
+    fed = [one for one in manager_heard[ready:] if one.startswith("WATCHDOG")]
+    assert fed[:5] == ["WATCHDOG=1", "WATCHDOG_USEC=60000000", "WATCHDOG=1", "WATCHDOG_USEC=10000000", "WATCHDOG=1"]
+    assert fed[5:].count("WATCHDOG_USEC=10000000") == 0
 
 
 @pytest.mark.parametrize("end", [WorkError("the disk is full"), NO_CAMERA])

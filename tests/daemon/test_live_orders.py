@@ -119,6 +119,50 @@ def test_what_waits_behind_a_start_is_not_answered_by_it() -> None:
     assert asked.replies == DONE
 
 
+def test_what_is_still_looked_at_is_not_answered_by_what_begins_or_fails_meanwhile() -> None:
+    """Neither a fault that is told again and again nor a clip that begins anew says that it is done, or not."""
+    looked, go_on = threading.Event(), threading.Event()
+
+    def check(entry: str | None) -> None:
+        looked.set()
+        assert go_on.wait(60.0)
+        raise InputError("nobody knows it")
+
+    desk, asked = orders(check), Asked()
+    desk(NewRun(ask=1, entry="net"), asked)
+    assert looked.wait(60.0)
+    desk.done()
+    desk.done("no camera is connected")
+    assert desk.take() is None
+    desk.done()
+    assert asked.replies == []
+    go_on.set()
+    wait_until(lambda: bool(asked.replies))
+    assert asked.replies == ["nobody knows it"]
+
+
+def test_a_look_that_goes_wrong_stands_in_nobodys_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever asked is told, and the next order is taken; the log has what went wrong."""
+    logged: list[str] = []
+    monkeypatch.setattr(threading, "excepthook", lambda thrown: logged.append(str(thrown.exc_value)))
+
+    def check(entry: str | None) -> None:
+        if entry == "bad":
+            raise OSError("the driver is confused")
+
+    desk, first, second = orders(check), Asked(), Asked()
+    desk(NewRun(ask=1, entry="bad"), first)
+    wait_until(lambda: bool(first.replies))
+    (reason,) = first.replies
+    assert reason is not None
+    assert "log" in reason
+    wait_until(lambda: logged == ["the driver is confused"])
+    desk(NewRun(ask=2, entry="good"), second)
+    assert taken(desk) == Wish(aim=False, entry="good")
+    desk.done()
+    assert second.replies == DONE
+
+
 class Clock:
     """Turned by hand."""
 

@@ -92,6 +92,25 @@ def test_watchdog_is_fed_at_half_its_patience_and_only_on_progress(manager, monk
     assert fed == [0, 5, 14, 19]
 
 
+def test_a_phase_that_takes_long_has_the_manager_wait_longer_and_no_longer_than_that(manager, monkeypatch):
+    """Before READY nothing is fed: food would set the watchdog going where the start has a longer time. Then the patience grows
+    for the phase, and is the usual one again with the next food."""
+    monkeypatch.setenv("WATCHDOG_USEC", "10000000")
+    monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
+    notifier = ServiceNotifier(Clock())
+    notifier.feed_now(for_s=60.0)
+    notifier.feed_now()
+    assert manager.heard() == []
+    notifier.ready()
+    notifier.feed_now()
+    assert manager.heard() == ["READY=1", "WATCHDOG=1"]
+    notifier.feed_now(for_s=60.0)
+    assert manager.heard() == ["WATCHDOG_USEC=60000000", "WATCHDOG=1"]
+    notifier.feed_now()
+    notifier.feed_now()
+    assert manager.heard() == ["WATCHDOG_USEC=10000000", "WATCHDOG=1", "WATCHDOG=1"]
+
+
 @pytest.mark.parametrize(
     "environment",
     [

@@ -410,6 +410,22 @@ def test_pictures_come_no_more_often_than_asked(serve: Serve, call: Callable[[],
     assert lasted_s >= 4 * 0.2 * 0.5
 
 
+def test_nobody_waits_for_who_wants_pictures_seldom(serve: Serve, call: Callable[[], Caller]) -> None:
+    """However seldom that is, and however large the number."""
+    server = serve()
+    for every_s in (1e300, 1e9, 30.0):
+        seldom = call()
+        seldom.say(WatchPictures, every_s=every_s)
+        wait_for(lambda: server.watched)
+        server.offer(frame(1))
+        seldom.hear_until(lambda one: isinstance(one, Picture))
+    often = call()
+    often.answer(often.say(WatchPictures, every_s=0.02))
+    for number in (2, 3):
+        server.offer(frame(number))
+        often.hear_until(lambda one: isinstance(one, Picture))
+
+
 def test_last_words_are_heard(serve: Serve, call: Callable[[], Caller]) -> None:
     """What was told just before the end reaches whoever reads; then the connection ends, and the file is gone."""
     server = serve()

@@ -1,5 +1,6 @@
 """The socket's file: whose it is, and what lies there already."""
 
+import shutil
 import socket
 import stat
 from pathlib import Path
@@ -85,3 +86,16 @@ def test_another_ones_file_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "new").rename(path)
     file.close()
     assert path.exists()
+
+
+def test_a_directory_that_has_gone_is_no_error(tmp_path: Path) -> None:
+    """Whoever swept the whole directory away, or put something else there: the process that listened ends well."""
+    for number, instead in enumerate((False, True)):
+        directory = tmp_path / str(number)
+        directory.mkdir()
+        file = SocketFile(directory / "live.sock")
+        shutil.rmtree(directory)
+        if instead:
+            directory.write_text("a file", encoding="ascii")
+        file.close()
+        file.close()

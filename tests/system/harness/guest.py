@@ -16,7 +16,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -115,6 +115,23 @@ class Guest:
         return subprocess.Popen(
             words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
+
+    @contextlib.contextmanager
+    def forward(self, port: int) -> Iterator[int]:
+        """A port of this machine's loopback that leads to the guest's own `port`, through ssh."""
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            here: int = probe.getsockname()[1]
+        # A connection of its own: that of the commands belongs to whoever comes first.
+        words = [*self._ssh()[:-1], "-o", "ControlPath=none", "-o", "ExitOnForwardFailure=yes", "-N", "-L"]
+        line = subprocess.Popen(
+            [*words, f"127.0.0.1:{here}:127.0.0.1:{port}", "root@127.0.0.1"], stdin=subprocess.DEVNULL
+        )
+        try:
+            yield here
+        finally:
+            line.terminate()
+            line.wait(10)
 
     def put(self, content: bytes | str, path: str) -> None:
         """Writes a file in the guest, with the folders that it needs."""
