@@ -230,7 +230,15 @@ def _walk(stream: BinaryIO, before: Walked) -> tuple[Walked, Walked]:
     size = stream.seek(0, io.SEEK_END)
     offset, chunk_at, counts = before.offset, None, list[tuple[int, int]]()
     topics, chunks = dict(before.topics), list(before.chunks)
-    going_on = before
+    # Where to go on next time: the offset, and how many chunks stand before it.
+    going_on = before.offset, len(chunks)
+
+    def walked(at: int) -> tuple[Walked, Walked]:
+        return (
+            Walked(offset=going_on[0], topics=dict(topics), chunks=tuple(chunks[: going_on[1]])),
+            Walked(offset=at, topics=topics, chunks=tuple(chunks)),
+        )
+
     stream.seek(offset)
     while True:
         head = stream.read(_HEAD.size)
@@ -240,15 +248,15 @@ def _walk(stream: BinaryIO, before: Walked) -> tuple[Walked, Walked]:
             # Of the last chunk not all message indexes may be there yet.
             counts = counts if whole else []
             if not _learned(stream, chunk_at, counts, topics):
-                return going_on, Walked(offset=chunk_at, topics=topics, chunks=tuple(chunks))
+                return walked(chunk_at)
             start_t_ns, end_t_ns = _times(stream, chunk_at)
             chunks.append(ChunkPlace(offset=chunk_at, start_t_ns=start_t_ns, end_t_ns=end_t_ns, counts=tuple(counts)))
             if whole:
-                going_on = Walked(offset=offset, topics=dict(topics), chunks=tuple(chunks))
+                going_on = offset, len(chunks)
             chunk_at, counts = None, []
             stream.seek(offset + _HEAD.size)
         if not whole or opcode in (Opcode.DATA_END, Opcode.FOOTER):
-            return going_on, Walked(offset=offset, topics=topics, chunks=tuple(chunks))
+            return walked(offset)
         if opcode == Opcode.CHUNK:
             chunk_at = offset
         elif opcode == Opcode.MESSAGE_INDEX and chunk_at is not None:

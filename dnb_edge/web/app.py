@@ -6,9 +6,11 @@ Knows every module of endpoints; knows nothing of what they do.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -34,6 +36,9 @@ from dnb_edge.web.stream import Live
 
 LIVE = f"{API}/live"
 """The one address that is a WebSocket's."""
+AGAIN_S = 0.5
+
+_log = logging.getLogger(__name__)
 
 
 def make_app(
@@ -67,9 +72,9 @@ def make_app(
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
         # Held here: the event loop itself keeps tasks by weak references only.
-        tasks = [asyncio.create_task(live.run())]
+        tasks = [asyncio.create_task(lasting(live.run))]
         if isinstance(line, DaemonLine):
-            tasks.append(asyncio.create_task(line.run()))
+            tasks.append(asyncio.create_task(lasting(line.run)))
         try:
             yield
         finally:
@@ -98,6 +103,20 @@ def make_app(
     app.router.redirect_slashes = False
     app.state.table = table
     return app
+
+
+async def lasting(work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    """Does what is to be done as long as the pages are there, and begins it again where something unforeseen ends it."""
+    while True:
+        task = asyncio.create_task(work())
+        try:
+            await asyncio.wait([task])
+        finally:
+            task.cancel()
+            await asyncio.wait([task])
+        if (error := task.exception()) is not None:
+            _log.error("something inside has failed, and is begun again", exc_info=error)
+        await asyncio.sleep(AGAIN_S)
 
 
 def routes(table: Iterable[Endpoint]) -> Iterable[BaseRoute]:

@@ -50,6 +50,10 @@ class Daemon(Protocol):
     def epoch(self) -> str | None:
         """The daemon's process, as `Hello` names it; None before the first."""
 
+    @property
+    def first(self) -> int:
+        """From this number on no event is missing of those that last; who lacks earlier ones cannot go on where he was."""
+
     def events(self, since: int | None = None) -> tuple[Told, ...]:
         """The kept events from number `since` on, oldest first; all kept ones for None."""
 

@@ -81,6 +81,11 @@ class DaemonLine:
         """The daemon's process; None before the first."""
         return self._epoch
 
+    @property
+    def first(self) -> int:
+        """From this number on no event is missing of those that last."""
+        return self._kept.first
+
     def events(self, since: int | None = None) -> tuple[Told, ...]:
         """The kept events from number `since` on, oldest first; all kept ones for None."""
         return self._kept.since(since)
@@ -148,7 +153,7 @@ class DaemonLine:
             self._greet(hello)
             while True:
                 self._take(await _read(reader))
-        except (OSError, WorkError, EOFError, asyncio.LimitOverrunError) as error:
+        except (OSError, WorkError, EOFError, asyncio.LimitOverrunError, Refused) as error:
             if isinstance(error, EOFError):
                 return "it has hung up"
             return getattr(error, "strerror", None) or str(error) or type(error).__name__
@@ -167,6 +172,7 @@ class DaemonLine:
             for follower in self._followers:
                 # What still waits is of the process before.
                 follower.clear()
+        self._kept.begin(hello.first_sequence)
         self._send(Follow(ask=next(self._asks), since=self._kept.next or 0, epoch=hello.epoch))
         if self._wanted_until_s is not None:
             self._wanted_until_s = None

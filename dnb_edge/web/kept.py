@@ -25,6 +25,13 @@ class Kept:
         self._last: dict[str, Told] = {}
         self.next: int | None = None
         """Number after that of the last event; None before the first."""
+        self.first = 0
+        """From this number on no lasting event is missing."""
+
+    def begin(self, first: int) -> None:
+        """Events from number `first` on come now: whatever is missing before it does not come any more."""
+        if self.next is None or self.next < first:
+            self.first = first
 
     def add(self, told: Told) -> bool:
         """Keeps what lasts; False for an event that has come before."""
@@ -37,7 +44,9 @@ class Kept:
         elif name not in FLEETING:
             self._lasting.append(told)
             if len(self._lasting) > self._most:
-                del self._lasting[: max(1, self._most // 10)]
+                gone = max(1, self._most // 10)
+                self.first = self._lasting[gone - 1].sequence + 1
+                del self._lasting[:gone]
         return True
 
     def forget_before(self, sequence: int) -> None:

@@ -50,6 +50,9 @@ class Live:
         self._most = most_viewers
         self._viewers: set[Viewer] = set()
         self._epoch: str | None = None
+        self._texts: dict[int, str] = {}
+        """What kept events are to browsers, by number: many come at once when the line was broken."""
+        self._texts_epoch: str | None = None
 
     @property
     def viewers(self) -> int:
@@ -58,10 +61,14 @@ class Live:
 
     async def run(self) -> None:
         """Hands on whatever comes, until it is cancelled."""
+        following = self._daemon.follow()
         self._epoch = self._daemon.epoch
+        for viewer in self._viewers:
+            # It has been begun again: nobody knows what they have missed.
+            self._open(viewer, None, None)
         async with asyncio.TaskGroup() as group:
             group.create_task(self._beat())
-            async for item in self._daemon.follow():
+            async for item in following:
                 self._hand_on(item)
 
     async def serve(self, socket: WebSocket) -> None:
@@ -85,15 +92,24 @@ class Live:
     def _open(self, viewer: Viewer, since: int | None, epoch: str | None) -> None:
         """The beginning: hello, state, and the kept events that this browser lacks."""
         daemon, state = self._daemon, self._daemon.state
-        first = 0 if state is None else state.first_sequence
+        first = max(daemon.first, 0 if state is None else state.first_sequence)
         known = daemon.events()
         upto = known[-1].sequence + 1 if known else first
         resumed = epoch is not None and epoch == daemon.epoch and since is not None and first <= since
         viewer.waiting.clear()
-        viewer.next = upto
+        # Of the events that a browser has seen some may come here only now, when the pages have just begun.
+        viewer.next = max(upto, since) if resumed and since is not None else upto
         hello = {"kind": "hello", "epoch": daemon.epoch, "next": upto, "resumed": resumed}
+        texts = self._known_texts(known)
         lacking = daemon.events(since) if resumed else known
-        viewer.waiting.put((json.dumps(hello), _state_text(state), *map(_event_text, lacking)))
+        viewer.waiting.put((json.dumps(hello), _state_text(state), *(texts[told.sequence] for told in lacking)))
+
+    def _known_texts(self, known: tuple[Told, ...]) -> dict[int, str]:
+        """The text of each of them by its number: the same one for all browsers."""
+        before = self._texts if self._texts_epoch == self._daemon.epoch else {}
+        self._texts = {told.sequence: before.get(told.sequence) or _event_text(told) for told in known}
+        self._texts_epoch = self._daemon.epoch
+        return self._texts
 
     def _hand_on(self, item: Told | State | None) -> None:
         if self._daemon.epoch != self._epoch:
@@ -135,6 +151,8 @@ async def _send(socket: WebSocket, viewer: Viewer) -> int | None:
             for text in await viewer.waiting.get():
                 async with asyncio.timeout(SEND_S):
                     await socket.send_text(text)
+                # Thousands may come at once, and sending alone lets nobody else run.
+                await asyncio.sleep(0)
     except (TooSlow, TimeoutError):
         return TRY_LATER
     except (WebSocketDisconnect, OSError, RuntimeError):

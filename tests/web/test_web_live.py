@@ -34,6 +34,7 @@ from dnb_edge.live.messages import (
     decode,
     encode,
 )
+from dnb_edge.web import app as web_app
 from dnb_edge.web.app import make_app
 from dnb_edge.web.daemon_line import DaemonLine
 from dnb_edge.web.endpoint import Refused
@@ -229,6 +230,35 @@ def test_nonsense_breaks_the_line_and_nothing_else(tmp_path: Path, raw: bytes) -
             await until(lambda: line.state is None)
             await until(lambda: line.state)
             assert laps(line) == [1]
+
+    run(test)
+
+
+def test_a_daemon_that_greets_and_dies_is_found_again(tmp_path: Path) -> None:
+    """Also while pictures are wanted: what cannot be asked of it any more ends this connection, and not the line."""
+
+    async def test() -> None:
+        path, greeted = tmp_path / "live.sock", 0
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            nonlocal greeted
+            greeted += 1
+            hello = Hello(protocol=PROTOCOL, version="0", epoch="one", next_sequence=0, first_sequence=0)
+            writer.write(encode(hello))
+            if greeted == 1:
+                with contextlib.suppress(OSError):
+                    await asked_for_pictures(reader)
+            writer.close()
+
+        async def asked_for_pictures(reader: asyncio.StreamReader) -> None:
+            while not isinstance(decode(await reader.readline()), WatchPictures):
+                pass
+
+        async with lined(path) as line, await asyncio.start_unix_server(serve, path):
+            await until(lambda: line.epoch is not None)
+            with pytest.raises(Refused):
+                await line.picture(timeout_s=0.5)
+            await until(lambda: greeted >= 4)
 
     run(test)
 
@@ -444,6 +474,10 @@ class Talker:
         self.kept = Kept()
         self.queue: asyncio.Queue[Told | State | None] = asyncio.Queue()
 
+    @property
+    def first(self) -> int:
+        return self.kept.first
+
     def events(self, since: int | None = None) -> tuple[Told, ...]:
         return self.kept.since(since)
 
@@ -493,6 +527,99 @@ def test_what_is_kept_and_on_its_way_comes_once() -> None:
     run(test)
 
 
+async def heard_by(live: Live, socket: Socket) -> list[dict[str, Any]]:
+    """What a browser is told at once."""
+    viewing = asyncio.create_task(live.serve(socket))  # type: ignore[arg-type]
+    for _ in range(200):
+        await asyncio.sleep(0)
+    socket.leave.set()
+    await viewing
+    return [json.loads(text) for text in socket.sent]
+
+
+def test_who_lacks_what_nobody_keeps_begins_anew() -> None:
+    """A browser that slept longer than events are kept is not told that it goes on where it was."""
+
+    async def test() -> None:
+        daemon = Talker()
+        daemon.kept = Kept(most=20)
+        for number in range(50):
+            daemon.say(number)
+        live = Live(daemon, 3)
+        oldest = daemon.kept.since(None)[0].sequence
+        late = await heard_by(live, Socket(epoch="one", since=str(oldest - 1)))
+        assert (late[0]["resumed"], late[2]["sequence"]) == (False, oldest)
+        just = await heard_by(live, Socket(epoch="one", since=str(oldest)))
+        assert (just[0]["resumed"], just[2]["sequence"]) == (True, oldest)
+
+    run(test)
+
+
+def test_pages_that_have_just_begun_tell_nothing_twice() -> None:
+    """The daemon's line is there and its kept events are not yet: a browser that has them hears only what comes after them."""
+
+    async def test() -> None:
+        daemon = Talker()
+        live = Live(daemon, 3)
+        task = asyncio.create_task(live.run())
+        await asyncio.sleep(0)
+        socket = Socket(epoch="one", since="5")
+        viewing = asyncio.create_task(live.serve(socket))  # type: ignore[arg-type]
+        await asyncio.sleep(0)
+        for number in range(8):
+            daemon.say(number)
+        await until(lambda: 7 in socket.laps())
+        assert json.loads(socket.sent[0])["resumed"] is True
+        assert socket.laps() == [5, 6, 7]
+        socket.leave.set()
+        task.cancel()
+        await asyncio.gather(viewing, task, return_exceptions=True)
+
+    run(test)
+
+
+def test_browsers_that_come_together_share_their_texts() -> None:
+    """A hundred pages that come back at once after a long race take no hundredfold memory; another daemon's are others."""
+
+    async def test() -> None:
+        daemon = Talker()
+        for number in range(50):
+            daemon.say(number)
+        live = Live(daemon, 3)
+        one, two = Socket(), Socket()
+        await heard_by(live, one)
+        await heard_by(live, two)
+        assert all(first is second for first, second in zip(one.sent[2:], two.sent[2:], strict=True))
+        daemon.epoch, daemon.kept = "two", Kept()
+        daemon.say(0, "race_state")
+        assert [text["event"]["event"] for text in (await heard_by(live, Socket()))[2:]] == ["race_state"]
+
+    run(test)
+
+
+def test_what_fails_unforeseen_is_begun_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Neither the line nor the fan-out ends for ever, silently, while the pages go on."""
+    monkeypatch.setattr(web_app, "AGAIN_S", 0.0)
+    begun: list[int] = []
+
+    async def work() -> None:
+        begun.append(1)
+        if len(begun) < 3:
+            raise ZeroDivisionError
+        await asyncio.Event().wait()
+
+    async def test() -> None:
+        task = asyncio.create_task(web_app.lasting(work))
+        await until(lambda: len(begun) == 3)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run(test)
+    assert caplog.text.count("begun again") == 2
+
+
 def test_a_browser_that_does_not_listen_is_cut_off() -> None:
     """After as many events as may wait; where the cars are is dropped first; the others go on."""
 
@@ -526,9 +653,9 @@ def test_a_browser_that_does_not_listen_is_cut_off() -> None:
 class Socket:
     """As much of a WebSocket as `Live.serve` uses."""
 
-    def __init__(self, *, deaf: bool = False, at_the_door: Callable[[], object] = list) -> None:
+    def __init__(self, *, deaf: bool = False, at_the_door: Callable[[], object] = list, **query: str) -> None:
         self.at_the_door = at_the_door
-        self.query_params: dict[str, str] = {}
+        self.query_params = query
         self.sent: list[str] = []
         self.closed: int | None = None
         self.leave = asyncio.Event()
