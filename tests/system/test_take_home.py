@@ -101,7 +101,7 @@ def test_a_stick_takes_finished_runs_home(racing, guest, logs, finished):
 
 def test_a_stick_that_is_pulled_too_early_is_told_and_goes_on_later(racing, guest, logs):
     """Pulled while it is written to: the display says so; plugged in again, the run comes onto it whole."""
-    guest.run(f"f=$(ls {RUNS}/*.mcap) && dd if=/dev/urandom bs=1M count=40 status=none >> $f")
+    guest.run(f"f=$(ls {RUNS}/*.mcap) && dd if=/dev/urandom bs=1M count=24 status=none >> $f")
     mine = Stick(logs / "mine.img")
     mine.make_folder("dnb-edge")
     mine.plug(guest)
