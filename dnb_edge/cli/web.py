@@ -14,7 +14,7 @@ from dnb_edge.config.web import WebConfig, load_web
 from dnb_edge.errors import InputError
 from dnb_edge.web.app import make_app
 from dnb_edge.web.box import WebSettings
-from dnb_edge.web.server import addresses, listener, serve
+from dnb_edge.web.server import addresses, listeners, serve
 
 SYSTEM_CONFIG = Path("/etc/dnb-edge/dnb-edge.yaml")
 SYSTEM_SOCKET = Path("/run/dnb-edge/live.sock")
@@ -57,8 +57,10 @@ def web(
         host=host,
         port=port,
         names=found.names,
+        most_downloads=found.most_downloads,
+        download_mb_per_s=found.download_mb_per_s,
     )
-    listening = listener(host, port)
+    listening = listeners(host, port)
     try:
         app = make_app(settings)
         for address in addresses(host, port):
@@ -66,7 +68,8 @@ def web(
         sys.stdout.flush()
         serve(app, listening)
     finally:
-        listening.close()
+        for one in listening:
+            one.close()
 
 
 def _cache() -> Path:

@@ -34,12 +34,16 @@ class WebConfig(BaseModel):
 
     model_config = STRICT
 
-    host: Text = "0.0.0.0"  # noqa: S104 a board for all on the LAN is what it is for
-    """The address to listen at; 127.0.0.1 for this machine alone. The command line's --host wins."""
+    host: Text = "::"
+    """The address to listen at; :: for all, 0.0.0.0 for IPv4 alone, 127.0.0.1 for this machine alone. --host wins."""
     port: Annotated[Whole, Field(ge=1, le=65535)] = 8080
     """The port; the command line's --port wins."""
     names: tuple[Text, ...] = ()
     """Names by which browsers may call the box, besides its own, that with .local, localhost and its addresses."""
+    most_downloads: Annotated[Whole, Field(ge=1, le=64)] = 8
+    """Recordings that are taken at once; others are told to come again."""
+    download_mb_per_s: Annotated[Number, Field(gt=0, le=10_000)] = 24.0
+    """Of all downloads together, megabytes a second: the race writes to the same disk."""
     foxglove: FoxgloveConfig = FoxgloveConfig()
     """The live server for Foxglove."""
 

@@ -28,7 +28,7 @@ class WebSettings:
     """The directory that the wizard writes: dnb-edge.yaml and the pictures, calibrations and models that it names."""
     cache: Path
     """For what is made on the way to a browser; all of it may be deleted."""
-    host: str = "0.0.0.0"  # noqa: S104 a board for all on the LAN is what it is for
+    host: str = "::"
     port: int = 8080
     names: tuple[str, ...] = ()
     """Host names by which the box may be called, besides its own name, NAME.local, localhost and its addresses."""

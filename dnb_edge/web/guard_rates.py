@@ -23,6 +23,8 @@ class Limits:
     """Requests at once."""
     wrong_codes: tuple[tuple[int, float], ...] = ((3, 60.0), (10, 3600.0))
     """So many wrong set-up codes in so many seconds."""
+    wrong_codes_of_all: tuple[tuple[int, float], ...] = ((30, 60.0), (200, 3600.0))
+    """The same of all addresses together, which may be one guesser's: in a year of guessing 2 % of being hit."""
 
 
 class Buckets:

@@ -24,8 +24,8 @@ SHOWN_S = 120.0
 """How long the box's displays show the code."""
 SHOWN_AGAIN_S = 10.0
 """Not before so many seconds, however often the page is opened."""
-SHOWN_TO = ((6, 600.0),)
-"""So often for one address in so many seconds: nobody is to cover the laps on a display from afar."""
+SHOWN_TO = ((3, 600.0),)
+"""So often for one address in so many seconds: nobody is to cover the laps on a display from afar for long."""
 LOGGED = (0.1, 60)
 """Lines a second in the log, and at once: nobody is to fill a disk from afar."""
 
@@ -59,6 +59,7 @@ class Login:
         self._clock_s = clock_s
         self._code = SetupCode()
         self._failures = Failures(limits.wrong_codes)
+        self._all_failures = Failures(limits.wrong_codes_of_all)
         self._openings = Failures(SHOWN_TO)
         self._logged = Buckets(*LOGGED)
         self._shown: tuple[str, float] | None = None
@@ -74,13 +75,18 @@ class Login:
     async def login(self, request: Request) -> Response:
         """POST /api/v1/login."""
         address, now_s = counted_as(request.client), self._clock_s()
-        wait_s = self._failures.wait_s(address, now_s)
+        waits_s = (self._failures.wait_s(address, now_s), self._all_failures.wait_s("", now_s))
+        wait_s = max((one for one in waits_s if one is not None), default=None)
         if wait_s is not None:
+            # Not even the right one is looked at: it could be a guess.
             raise Refused(429, "too-many", f"Too many wrong codes: wait {_waiting(wait_s)}.", retry_after_s=wait_s)
         if not self._code.accepts(request.state.body.code, now_s):
             self._failures.failed(address, now_s)
+            self._all_failures.failed("", now_s)
             _log.warning("wrong set-up code from %s", address)
-            raise Refused(401, "wrong-code", "This is not the code: the box's display and its log have it.")
+            raise Refused(
+                401, "wrong-code", "This is not the code. Look at the box's display or its log: eight digits."
+            )
         session, cookie = self._sessions.begin(now_s)
         _log.info("logged in from %s", address)
         answer = JSONResponse(LoginAnswer(csrf=session.csrf).model_dump())
@@ -102,10 +108,11 @@ class Login:
         code = self._code.now(now_s)
         if self._logged.take("", now_s) is None:
             _log.warning("set-up code %s (asked for by %s)", spaced(code), address)
-        if self._shown is not None and self._shown[0] == code and now_s - self._shown[1] < SHOWN_AGAIN_S:
+        age_s = now_s - self._shown[1] if self._shown is not None and self._shown[0] == code else SHOWN_S
+        if age_s < SHOWN_AGAIN_S:
             return True
         if self._openings.wait_s(address, now_s) is not None:
-            return False
+            return age_s < SHOWN_S
         self._openings.failed(address, now_s)
         try:
             await self._box.daemon.ask(show=f"set-up code {spaced(code)}", for_s=SHOWN_S)

@@ -13,6 +13,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -21,6 +22,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.errors import InputError
+from dnb_edge.web.guard_rates import counted_as
 
 HEAD_S = 10.0
 """Time for a request's line and headers to come."""
@@ -38,6 +40,8 @@ MOST_PER_ADDRESS = 64
 MOST_SAID_BYTES = 1024
 """What a browser may say on the live stream, where it has nothing to say."""
 PING_S = 15.0
+ALL = "::"
+"""The host that means all addresses of the machine, of both kinds."""
 STOP_S = 1
 """Time for answers to be finished when the server ends."""
 
@@ -78,6 +82,7 @@ class Server(uvicorn.Server):
                 ws_ping_interval=PING_S,
                 ws_ping_timeout=PING_S,
                 ws_per_message_deflate=False,
+                forwarded_allow_ips=["127.0.0.1", "::1"],
                 timeout_notify=1,
                 callback_notify=self._feed,
             )
@@ -112,8 +117,26 @@ class Server(uvicorn.Server):
             self._notifier.feed(progressed=True)
 
 
+def listeners(host: str, port: int) -> list[socket.socket]:
+    """Sockets that listen at `host` and `port`: for `::` one for IPv6, as far as the machine has that, and one for IPv4.
+
+    Raises `InputError` where that cannot be.
+    """
+    if host != ALL:
+        return [listener(host, port)]
+    # Not one socket for both: IPv4 clients would have other addresses there than they have.
+    first = listener("0.0.0.0", port)  # noqa: S104 whoever says :: means all
+    if not _has_ipv6():
+        return [first]
+    try:
+        return [first, listener(ALL, first.getsockname()[1])]
+    except InputError:
+        first.close()
+        raise
+
+
 def listener(host: str, port: int) -> socket.socket:
-    """A socket that listens at `host` and `port`. Raises `InputError` where that cannot be."""
+    """A socket that listens at `host` and `port`, an IPv6 one for IPv6 alone. Raises `InputError` where that cannot be."""
     try:
         family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
         made = socket.socket(family, socket.SOCK_STREAM)
@@ -121,6 +144,8 @@ def listener(host: str, port: int) -> socket.socket:
         raise InputError(f"--host {host}: {error.strerror or error}: give an address of this machine") from error
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         made.bind(address)
     except OSError as error:
         made.close()
@@ -143,11 +168,20 @@ def addresses(host: str, port: int) -> tuple[str, ...]:
     return tuple(f"http://{name}{tail}/" for name in names)
 
 
-def serve(app: ASGIApp, listening: socket.socket) -> None:
+def serve(app: ASGIApp, listening: list[socket.socket]) -> None:
     """Serves `app` until SIGTERM or SIGINT. Raises `InputError` as `ServiceNotifier` does."""
     # What malformed requests are is their senders' business; what fails inside is logged as an error.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
-    Server(app, notifier=ServiceNotifier()).run(sockets=[listening])
+    Server(app, notifier=ServiceNotifier()).run(sockets=listening)
+
+
+def _has_ipv6() -> bool:
+    try:
+        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
+            probe.bind((ALL, 0))
+    except OSError:
+        return False
+    return True
 
 
 def _own_address() -> list[str]:
@@ -250,8 +284,14 @@ def _has_room(new: H11Protocol) -> bool:
     """Whether one more connection is served: neither all together nor one address take too many."""
     if len(new.connections) > MOST_CONNECTIONS:
         return False
-    address = new.client[0] if new.client else ""
-    if not address or address == "::1" or address.startswith("127."):
+    if new.client is None or ipaddress.ip_address(new.client[0].partition("%")[0]).is_loopback:
         return True
+    address = _counted(new.client[0])
     clients = (getattr(one, "client", None) for one in new.connections)
-    return len([client for client in clients if client is not None and client[0] == address]) <= MOST_PER_ADDRESS
+    return len([one for one in clients if one is not None and _counted(one[0]) == address]) <= MOST_PER_ADDRESS
+
+
+@lru_cache(maxsize=2 * MOST_CONNECTIONS)
+def _counted(address: str) -> str:
+    """As `counted_as`; each new connection is compared with all others."""
+    return counted_as((address, 0))

@@ -17,7 +17,8 @@ CODE_DIGITS = 8
 CODE_USES = 20
 """Log-ins that one code is good for."""
 MOST_WRONG = 100
-"""Wrong guesses, of all addresses together, after which there is another code: 1 in a million of being hit by then."""
+"""Wrong guesses, of all addresses together, after which there is another code: 1 in a million of being hit by then. How fast
+anybody may guess `guard_rates` says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -24,7 +25,17 @@ from dnb_edge.config.web import WebConfig, load_web
 from dnb_edge.errors import InputError
 from dnb_edge.web import race
 from dnb_edge.web.guard_rates import Limits
-from dnb_edge.web.server import MOST_HEAD_BYTES, Patience, addresses, listener
+from dnb_edge.web.server import (
+    MOST_CONNECTIONS,
+    MOST_HEAD_BYTES,
+    MOST_PER_ADDRESS,
+    Patience,
+    Server,
+    _has_room,
+    addresses,
+    listener,
+    listeners,
+)
 
 PATIENCE_S = 20.0
 QUICK = Patience(head_s=0.5, stall_s=1.0)
@@ -248,6 +259,53 @@ def test_a_port_that_is_taken_is_said() -> None:
         listener("nowhere.invalid", 8080)
 
 
+def test_all_addresses_are_of_both_kinds(tmp_path: Path) -> None:
+    """The default listens for IPv4 and IPv6 at one port; one that is taken is said of either."""
+    listening = listeners(WebConfig().host, 0)
+    port = listening[0].getsockname()[1]
+    server = Server(app_in(tmp_path))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": listening})
+    thread.start()
+    try:
+        _served_at(port)
+        if len(listening) == 1:
+            pytest.skip("this machine has no IPv6")
+        with pytest.raises(InputError, match="--port"):
+            listener("::1", port)
+        for host in ("[::1]", "localhost", "127.0.0.1"):
+            client = http.client.HTTPConnection("::1", port, timeout=PATIENCE_S)
+            client.request("GET", "/login", headers={"Host": f"{host}:{port}"})
+            assert client.getresponse().status == 200
+            client.close()
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE_S)
+        for one in listening:
+            one.close()
+
+
+@pytest.mark.parametrize(
+    ("clients", "room"),
+    [
+        ([f"192.168.1.{k}" for k in range(200)], True),
+        (["192.168.1.7"] * MOST_PER_ADDRESS, True),
+        (["192.168.1.7"] * (MOST_PER_ADDRESS + 1), False),
+        ([f"2001:db8::{k:x}" for k in range(MOST_PER_ADDRESS + 1)], False),
+        ([f"2001:db8:0:{k:x}::1" for k in range(MOST_PER_ADDRESS + 1)], True),
+        ([f"fe80::{k:x}%eth0" for k in range(MOST_PER_ADDRESS + 1)], False),
+        (["127.0.0.1"] * 200, True),
+        (["::1"] * 200, True),
+        ([f"10.0.{k // 250}.{k % 250}" for k in range(MOST_CONNECTIONS + 1)], False),
+    ],
+)
+def test_connections_of_one_client(clients: list[str], room: bool) -> None:
+    """So many and no more; an IPv6 client has a whole network of addresses."""
+    connections = [SimpleNamespace(client=(address, 1)) for address in clients]
+    new = connections[-1]
+    new.connections = connections
+    assert _has_room(new) is room  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("host", "port", "wanted"),
     [
@@ -256,6 +314,7 @@ def test_a_port_that_is_taken_is_said() -> None:
         ("::1", 8080, r"http://\[::1\]:8080/"),
         ("box.example", 8080, r"http://box\.example:8080/"),
         ("0.0.0.0", 8080, r"http://[a-z0-9-]+\.local:8080/ (http://[0-9.]+:8080/ )?http://localhost:8080/"),
+        ("::", 8080, r"http://[a-z0-9-]+\.local:8080/ (http://[0-9.]+:8080/ )?http://localhost:8080/"),
     ],
 )
 def test_addresses_to_open(host: str, port: int, wanted: str) -> None:
@@ -268,6 +327,8 @@ def test_the_section_web_is_read_alone(tmp_path: Path) -> None:
     path = tmp_path / "dnb-edge.yaml"
     path.write_text("track: 7\nweb:\n  port: 8000\n  names: [race.example.org]\n", encoding="utf-8")
     assert load_web(path) == WebConfig(port=8000, names=("race.example.org",))
+    path.write_text("web: {most_downloads: 2, download_mb_per_s: 5}\n", encoding="utf-8")
+    assert load_web(path) == WebConfig(most_downloads=2, download_mb_per_s=5.0)
     path.write_text("track: 7\n", encoding="utf-8")
     assert load_web(path) == WebConfig()
 
@@ -278,6 +339,8 @@ def test_the_section_web_is_read_alone(tmp_path: Path) -> None:
         ("web: {prot: 1}\n", "line 1: web.prot: unknown key, did you mean port?"),
         ("a: 1\nweb:\n  port: '80'\n", "line 3: web.port: "),
         ("web: {port: 0}\n", "web.port: "),
+        ("web: {most_downloads: 0}\n", "web.most_downloads: "),
+        ("web: {download_mb_per_s: 0}\n", "web.download_mb_per_s: "),
         ("web: {names: race}\n", "web.names: "),
         ("web: 7\n", "web: "),
         ("web: [\n", "dnb-edge.yaml"),
