@@ -21,6 +21,11 @@ def stem_of(recording: Path) -> str:
     return recording.name.removesuffix(PART_SUFFIX).removesuffix(".mcap")
 
 
+def whole_text(text: str) -> str:
+    """`text` as it can be sent: what a name has that is not UTF-8 becomes a question mark."""
+    return text.encode(errors="replace").decode()
+
+
 def label_path(recording: Path) -> Path:
     """Where the label of `recording` lies."""
     return recording.with_name(stem_of(recording) + LABEL_SUFFIX)

@@ -144,7 +144,7 @@ class StoredRecording:
             parts.append(f"edits {found.st_size} {found.st_mtime_ns}")
         except FileNotFoundError:
             pass
-        return hashlib.blake2b("\n".join(parts).encode(), digest_size=16).hexdigest()
+        return hashlib.blake2b("\n".join(parts).encode(errors="surrogateescape"), digest_size=16).hexdigest()
 
 
 def run_id(stem: str) -> str:

@@ -20,7 +20,7 @@ from typing import Any
 from dnb_edge import wire
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.race.edit import Edit
-from dnb_edge.record.durable import sync_directory
+from dnb_edge.record.durable import PART_SUFFIX, sync_directory
 from dnb_edge.record.header import RunHeader
 
 FILE_FORMAT = "dnb-edge edits"
@@ -69,8 +69,8 @@ class EditLog:
 
 
 def edits_path(recording: Path) -> Path:
-    """Where the edits of `recording` lie."""
-    return recording.with_name(f"{recording.name.removesuffix('.mcap')}.edits.jsonl")
+    """Where the edits of `recording` lie, whether it is finished or not: what was decided before outlives a recovery."""
+    return recording.with_name(f"{recording.name.removesuffix(PART_SUFFIX).removesuffix('.mcap')}.edits.jsonl")
 
 
 def read_edits(recording: Path, identity: RunIdentity) -> EditLog:

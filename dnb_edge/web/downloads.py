@@ -17,7 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from dnb_edge.archive.label import label_path
+from dnb_edge.archive.label import label_path, whole_text
 from dnb_edge.archive.stored import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.errors import InputError
 from dnb_edge.record.edits import edits_path
@@ -155,7 +155,7 @@ class _Downloads:
         with_pictures = cast("ZipAsked", request.state.query).pictures
         headers = {
             "Content-Type": "application/zip",
-            "Content-Disposition": disposition(f"{name}.zip"),
+            "Content-Disposition": disposition(f"{whole_text(name)}.zip"),
             "Cache-Control": "no-cache, no-transform",
         }
         if request.method == "HEAD":
@@ -259,7 +259,7 @@ def _beside(file: SeenFile, *, with_pictures: bool) -> list[Member]:
         place = pictures_directory(path).name
         found += [(f"{place}/{one.name}", one) for one in pictures_files(path) if one.suffix == ".mcap"]
     members = []
-    for name, one in found:
+    for name, one in ((whole_text(name), one) for name, one in found):
         stat = one.stat()
         parts = (Part(path=one, size_bytes=stat.st_size),)
         members.append(Member(name=name, parts=parts, modified_ns=stat.st_mtime_ns))

@@ -84,7 +84,7 @@ class Answers:
 
     def _of(self, request: Request, refused: Refused) -> Response:
         if request.url.path.startswith("/api"):
-            body = ErrorAnswer(error=ErrorBody(code=refused.code, text=refused.text))
+            body = ErrorAnswer(error=ErrorBody(code=refused.code, text=refused.text.encode(errors="replace").decode()))
             return JSONResponse(body.model_dump(), refused.status)
         return self._pages.page(
             request, "error.html", status=refused.status, refused=refused, phrase=HTTPStatus(refused.status).phrase

@@ -36,4 +36,6 @@ class TemplatePages:
         """The page of template `name`, which also knows `csrf`, `may_change`, `path`, `version` and `static("file.css")`."""
         session: Session | None = getattr(request.state, "session", None)
         known = {"csrf": session.csrf if session else None, "may_change": session is not None, "path": request.url.path}
-        return HTMLResponse(self._jinja.get_template(name).render(known | values), status)
+        text = self._jinja.get_template(name).render(known | values)
+        # A file's name may be no UTF-8.
+        return HTMLResponse(text.encode(errors="replace"), status)

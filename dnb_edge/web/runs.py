@@ -16,7 +16,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from dnb_edge.archive.index import RunIndex
-from dnb_edge.archive.label import write_label
+from dnb_edge.archive.label import whole_text, write_label
 from dnb_edge.archive.removal import remove_run
 from dnb_edge.archive.stored import StoredRecording
 from dnb_edge.config.devices import RecordConfig
@@ -177,8 +177,9 @@ class _Runs:
                 raise Refused(409, "current", "This is being recorded just now: finish the run first.")
             if run.pinned:
                 raise Refused(409, "pinned", "This is pinned: unpin it first, then delete it.")
-            if wish.confirm != run.last.path.name:
-                raise Refused(422, "not-confirmed", f"confirm: must be the file's name, {run.last.path.name}")
+            name = whole_text(run.last.path.name)
+            if wish.confirm != name:
+                raise Refused(422, "not-confirmed", f"confirm: must be the file's name, {name}")
             try:
                 removals = remove_run(run)
             except InputError as error:

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
 
-from dnb_edge.archive.label import stem_of
+from dnb_edge.archive.label import stem_of, whole_text
 from dnb_edge.archive.stored import FileState, SeenFile, StoredRecording, session_id
 from dnb_edge.race.marshal import Marshalled, MarshalledLap
 from dnb_edge.race.standings import official_s
@@ -47,7 +47,7 @@ def best_lap_s(marshalled: Marshalled) -> float | None:
 
 def file_name(file: SeenFile) -> str:
     """As its download is called: finished, whatever it is here."""
-    return f"{stem_of(file.path)}.mcap"
+    return whole_text(f"{stem_of(file.path)}.mcap")
 
 
 def lap_lines(marshalled: Marshalled) -> list[LapLine]:

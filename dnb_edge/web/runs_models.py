@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, RootModel
+from pydantic import BaseModel, ConfigDict, Field, RootModel, model_validator
 
-from dnb_edge.archive.label import MOST_LETTERS
+from dnb_edge.archive.label import MOST_LETTERS, whole_text
 
 
 class Model(BaseModel):
@@ -18,6 +18,24 @@ class Model(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sendable(cls, data: Any) -> Any:
+        """One file with an odd name, or of an odd maker, is not to keep all others out of the list."""
+        return _whole(data)
+
+
+def _whole(data: Any) -> Any:
+    match data:
+        case str():
+            return whole_text(data)
+        case dict():
+            return {_whole(key): _whole(value) for key, value in data.items()}
+        case list():
+            return [_whole(one) for one in data]
+        case _:
+            return data
 
 
 class RunFile(Model):

@@ -18,6 +18,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 
 from dnb_edge import wire
 from dnb_edge.archive.index import RunIndex
+from dnb_edge.archive.label import whole_text
 from dnb_edge.archive.run_csv import incidents_csv, laps_csv, passes_csv
 from dnb_edge.archive.run_latex import laps_latex
 from dnb_edge.archive.stored import FileState, StoredRecording, session_id
@@ -261,4 +262,5 @@ def _working(job: Job) -> Response:
 
 
 def _text(text: str, media_type: str, name: str) -> Response:
-    return Response(text, media_type=media_type, headers={"Content-Disposition": disposition(name)})
+    headers = {"Content-Disposition": disposition(whole_text(name))}
+    return Response(text.encode(errors="replace"), media_type=media_type, headers=headers)

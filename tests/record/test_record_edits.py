@@ -44,7 +44,7 @@ def test_what_was_appended_is_read_back(tmp_path):
     recording = written(tmp_path)
     log = read_edits(recording, ME)
     assert (log.edits, log.warnings, log.next_number) == (EDITS, (), 6)
-    assert edits_path(recording) == tmp_path / "run.edits.jsonl"
+    assert edits_path(recording) == edits_path(tmp_path / "run.mcap.part") == tmp_path / "run.edits.jsonl"
     assert [json.loads(line).get("author") for line in log.path.read_text().splitlines()] == [None, *["Adä"] * 5]
 
 

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import time
 from pathlib import Path
 
@@ -306,6 +307,35 @@ def test_disk(tmp_path: Path) -> None:
     assert (disk["recordings_bytes"], disk["pictures_bytes"], disk["short"]) == (sum(sizes), 0, None)
     assert disk["next"]["file"] == TWO
     assert 0 < disk["free_bytes"] <= disk["total_bytes"]
+
+
+def test_names_that_are_no_utf_8(tmp_path: Path) -> None:
+    """A file from elsewhere with such a name is listed, shown, taken and deleted like any."""
+    path = record(tmp_path / "runs", 3.0, 3.0, name="fine.mcap")
+    path.rename(os.fsdecode(os.fsencode(path).replace(b"fine", b"b\xffd")))
+    one = guest(tmp_path)
+    (line,) = one.runs()
+    assert line["file"] == "b?d.mcap"
+    address = f"/api/v1/runs/{line['id']}"
+    for what in (
+        "",
+        "/recording.mcap",
+        "/recording.zip",
+        "/laps",
+        "/laps?format=csv",
+        "/laps?format=latex",
+        "/picture.jpg",
+    ):
+        assert one.client.get(address + what).status_code == 200, what
+    assert one.client.get(f"/runs/{line['id']}").status_code == 200
+    assert one.client.get("/api/v1/disk").json()["next"] is None
+    answer = one.client.get(f"{address}/report.html")
+    while answer.status_code == 202:
+        answer = one.client.get(f"{address}/report.html")
+    assert answer.status_code == 200
+    wrong = one.client.request("DELETE", address, json={"confirm": "x"})
+    assert (wrong.status_code, "b?d.mcap" in wrong.text) == (422, True)
+    assert one.client.request("DELETE", address, json={"confirm": "b?d.mcap"}).json()["files"] == ["b?d.mcap"]
 
 
 def test_pages_hold_no_data(tmp_path: Path) -> None:
