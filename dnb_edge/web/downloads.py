@@ -39,7 +39,7 @@ from dnb_edge.web.downloads_send import Lanes, Sending
 from dnb_edge.web.endpoint import API, Access, Endpoint, Refused
 from dnb_edge.web.runs_asked import FileAsked, ZipAsked
 from dnb_edge.web.runs_index import found_run, index_of
-from dnb_edge.web.runs_jobs import Jobs, done
+from dnb_edge.web.runs_jobs import Job, Jobs, done
 from dnb_edge.web.runs_lines import file_name
 
 COPY_WITHIN_S = 60.0
@@ -47,6 +47,8 @@ SAME_COPY_S = 10.0
 """So long a client that asked for the head of a copy gets that one."""
 FRESH_COPY_S = 1.0
 """A copy this young is as good as a new one."""
+LATE_COPY_S = 120.0
+"""So long after its end a copy that was late is given to whoever asks again."""
 MOST_COPIES = 32
 _UNFINISHED = (FileState.RECORDING, FileState.CUT)
 _TRIES = 3
@@ -115,6 +117,7 @@ class _Downloads:
         self._jobs = Jobs(box.settings.cache / "copies")
         self._lanes = Lanes(box.settings.most_downloads, box.settings.download_mb_per_s * 1e6)
         self._copies: OrderedDict[tuple[str, int], list[_Content]] = OrderedDict()
+        self._late: dict[tuple[str, int], Job] = {}
 
     async def recording(self, request: Request) -> Response:
         """One file of a run, or a part of it."""
@@ -186,9 +189,15 @@ class _Downloads:
         again = _copy_again(kept, request)
         if again is not None:
             return again
-        spec = {"path": str(file.path), "growing": file.state is FileState.RECORDING}
-        job = self._jobs.ask("copy", spec, stamp=f"{found.st_ino} {found.st_size} {found.st_mtime_ns}", suffix=".end")
+        job = self._late_copy(file.stem, found.st_ino)
+        if job is None:
+            spec = {"path": str(file.path), "growing": file.state is FileState.RECORDING}
+            stamp = f"{found.st_ino} {found.st_size} {found.st_mtime_ns}"
+            job = self._jobs.ask("copy", spec, stamp=stamp, suffix=".end")
         if not await done(job, within_s=COPY_WITHIN_S):
+            self._late[file.stem, found.st_ino] = job
+            while len(self._late) > MOST_COPIES:
+                del self._late[next(iter(self._late))]
             raise Refused(503, "busy", "The copy is still being made: try again.", retry_after_s=5.0)
         end_bytes = (await run_in_threadpool(job.file.stat)).st_size
         copy = _Content(
@@ -201,9 +210,20 @@ class _Downloads:
             made_s=time.monotonic(),
             for_head=request.method == "HEAD",
         )
+        self._late.pop((file.stem, found.st_ino), None)
         kept.append(copy)
         del kept[:-MOST_COPIES]
         return copy
+
+    def _late_copy(self, stem: str, inode: int) -> Job | None:
+        """The copy that took longer than somebody waited for it. A long recording has grown by the time that he asks again:
+        another copy would be as late.
+        """
+        job = self._late.pop((stem, inode), None)
+        if job is None or job.error is not None:
+            return None
+        too_old = job.ended_s is not None and time.monotonic() - job.ended_s > LATE_COPY_S
+        return None if too_old or (job.ended_s is not None and not job.file.exists()) else job
 
 
 def _copy_again(kept: list[_Content], request: Request) -> _Content | None:

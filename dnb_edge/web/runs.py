@@ -110,6 +110,8 @@ class _Runs:
         with contextlib.suppress(InputError):
             # Whoever asks is told.
             self._index.runs()
+            # It is the reading that is wanted: what has come since is nobody's to miss.
+            self._index.changed()
 
     @property
     def _index(self) -> RunIndex:

@@ -133,7 +133,7 @@ def _do(job: Job) -> None:
             last: dict[str, Any] = {}
             assert process.stdout is not None, "it is a pipe"
             for line in process.stdout:
-                last = json.loads(line)
+                last = _said(line) or last
                 job.text, job.share = last.get("text", job.text), last.get("share")
             status = process.wait()
         finally:
@@ -145,6 +145,15 @@ def _do(job: Job) -> None:
         return
     partial.unlink(missing_ok=True)
     raise _error(last, status)
+
+
+def _said(line: bytes) -> dict[str, Any] | None:
+    """What a line says; None where something else has written to stdout."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def _error(last: dict[str, Any], status: int) -> Exception:

@@ -2,10 +2,13 @@
 
 import io
 import socket
+import sys
 import threading
+import time
 import zipfile
 from email.utils import formatdate
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -17,7 +20,7 @@ from web_box import served
 from dnb_edge.record.chain import read_head
 from dnb_edge.record.reader import read_run
 from dnb_edge.values import FrameDetections, Lap
-from dnb_edge.web import downloads
+from dnb_edge.web import downloads, runs_jobs
 from dnb_edge.web.app import make_app
 from dnb_edge.web.downloads_parts import Part, Span, Unsatisfiable, disposition, pieces, wanted_span
 from dnb_edge.web.downloads_send import Lanes
@@ -242,6 +245,56 @@ def test_a_copy_is_resumed_though_the_race_went_on(tmp_path: Path, monkeypatch: 
     path = writer.close()
     again = here.client.get(address, headers={"Range": f"bytes={half}-", "If-Range": tag})
     assert (again.status_code, again.content) == (200, path.read_bytes())
+
+
+def test_a_copy_that_takes_long_is_given_to_who_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a recording that grows faster than a copy of it is made: the copy that was begun, not another one that is late too."""
+    here, made = guest(tmp_path), setup()
+    writer = recorder(tmp_path / "runs", header_of(made))
+    everything = list(said(Car([2.5] * 6), made))
+
+    def go_on(items) -> None:
+        for one in items:
+            ticket = writer.add_detections(one) if isinstance(one, FrameDetections) else writer.add_event(one)
+        assert writer.wait_saved(ticket)
+
+    go_on(everything[: len(everything) // 2])
+    address = f"/api/v1/runs/{here.only_id()}/recording.mcap"
+    monkeypatch.setattr(downloads, "COPY_WITHIN_S", 0.0)
+    asked, may_end, do = [], threading.Event(), runs_jobs._do
+
+    def slowly(job) -> None:
+        asked.append(job)
+        may_end.wait(60)
+        do(job)
+
+    monkeypatch.setattr(runs_jobs, "_do", slowly)
+    refused = here.client.get(address)
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
+    go_on(everything[len(everything) // 2 :])
+    assert here.client.get(address).status_code == 503
+    may_end.set()
+    while asked[0].ended_s is None:
+        time.sleep(0.01)
+    got = here.client.get(address)
+    assert (got.status_code, len(asked)) == (200, 1)
+    assert laps_in(got.content)
+    # Only once: who asks later gets a fresh one.
+    monkeypatch.setattr(downloads, "FRESH_COPY_S", 0.0)
+    monkeypatch.setattr(downloads, "COPY_WITHIN_S", 60.0)
+    assert len(laps_in(here.client.get(address).content)) == 6
+    writer.close()
+
+
+def test_a_word_too_many_from_long_work_ends_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a library prints into it: the work is done, and so is the next one."""
+    path = record(tmp_path / "runs", 2.0, 2.0, finish=False)
+    monkeypatch.setattr(runs_jobs, "sys", SimpleNamespace(executable=str(tmp_path / "python")))
+    (tmp_path / "python").write_text(f'#!/bin/sh\necho a word; echo 7; exec {sys.executable} "$@"\n')
+    (tmp_path / "python").chmod(0o755)
+    here = guest(tmp_path)
+    answer = here.client.get(f"/api/v1/runs/{here.only_id()}/recording.mcap")
+    assert (answer.status_code, answer.content[:1000]) == (200, path.read_bytes()[:1000])
 
 
 def test_a_recording_that_has_only_just_begun(tmp_path: Path) -> None:
