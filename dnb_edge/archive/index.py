@@ -95,9 +95,9 @@ class RunIndex:
                 del self._kept[gone]
         return tuple(sorted(joined(files, names), key=lambda run: (-run.ordered_ns, run.id)))
 
-    def find(self, wanted: str) -> StoredRecording | None:
-        """The run with this id; None where there is none."""
-        return next((run for run in self.runs() if run.id == wanted), None)
+    def find(self, wanted: str, *, within_s: float = 0.0) -> StoredRecording | None:
+        """The run with this id; None where there is none. As it was at most `within_s` ago."""
+        return next((run for run in self.runs(within_s=within_s) if run.id == wanted), None)
 
     def laps(self, run: StoredRecording) -> tuple[Lap, ...]:
         """The laps as the race said them. Raises `InputError` where the file is damaged."""

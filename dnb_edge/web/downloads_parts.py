@@ -20,7 +20,7 @@ from dnb_edge.record.durable import PART_SUFFIX
 PIECE_BYTES = 256 * 1024
 _RANGE = re.compile(r"bytes\s*=\s*(\d{0,18})\s*-\s*(\d{0,18})", re.IGNORECASE)
 _SAFE = re.compile(r"[^A-Za-z0-9._ +-]")
-_FIRST_ZIP_YEAR = 1980
+_FIRST_ZIP_YEAR, _LAST_ZIP_YEAR = 1980, 2107
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,4 +170,6 @@ def _zip_time(modified_ns: int) -> tuple[int, int, int, int, int, int]:
     if when.year < _FIRST_ZIP_YEAR:
         # A box without a clock of its own.
         return (_FIRST_ZIP_YEAR, 1, 1, 0, 0, 0)
+    if when.year > _LAST_ZIP_YEAR:
+        return (_LAST_ZIP_YEAR, 12, 31, 23, 59, 58)
     return (when.year, when.month, when.day, when.hour, when.minute, when.second)

@@ -20,9 +20,11 @@ def index_of(directory: Path) -> RunIndex:
     return RunIndex(directory)
 
 
-def found_run(box: Box, run_id: str) -> StoredRecording:
-    """The run with this id. Raises `Refused` (404) where there is none. Blocks: call it in a thread."""
-    run = index_of(box.settings.runs).find(run_id)
+def found_run(box: Box, run_id: str, *, within_s: float = 0.0) -> StoredRecording:
+    """The run with this id, as it was at most `within_s` ago. Raises `Refused` (404) where there is none. Blocks: call it in a
+    thread.
+    """
+    run = index_of(box.settings.runs).find(run_id, within_s=within_s)
     if run is None:
         raise Refused(404, "not-found", "There is no such recording: it may have been deleted, look at the list.")
     return run

@@ -39,6 +39,8 @@ from dnb_edge.web.runs_jobs import RETRY_AFTER_S, Job, Jobs, done
 from dnb_edge.web.runs_lines import file_name, lap_lines
 from dnb_edge.web.runs_models import EntryTable, LapAnswer, LapList, TableAnswer, Working
 
+PICTURE_OF_S = 0.5
+"""So old what a picture is made of may be."""
 KEPT_PICTURES = 500
 """Some 15 kB each."""
 SOON_S = 4.0
@@ -162,7 +164,9 @@ class _Results:
 
     async def picture(self, request: Request) -> Response:
         """The track with the best lap, as far as they are known."""
-        run = await self._found(request)
+        # A list has fifty of them: they are one look at the folder, not fifty.
+        run_id = str(request.path_params["run_id"])
+        run = await run_in_threadpool(lambda: found_run(self._box, run_id, within_s=PICTURE_OF_S))
         laps = -1 if run.laps is None else run.laps
         # While it is recorded the picture changes with each lap, not with each byte.
         key = (run.id, str(laps) if run.state is FileState.RECORDING else run.stamp)

@@ -15,6 +15,7 @@ from starlette.testclient import TestClient
 
 from dnb_edge.archive.case import Judge, decide
 from dnb_edge.archive.decisions import merging, removing
+from dnb_edge.archive.index import RunIndex
 from dnb_edge.archive.replayed import replay
 from dnb_edge.archive.run_csv import Table, as_csv
 from dnb_edge.record.reader import read_run
@@ -295,6 +296,18 @@ def test_picture(tmp_path: Path) -> None:
     blue, red = image[..., 0].astype(int), image[..., 2].astype(int)
     assert np.count_nonzero(blue - red > 60) > 300, "the path is there"
     assert here.client.get(address, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
+
+
+def test_pictures_of_a_list_are_one_look_at_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand recordings take a twentieth of a second to look at, and a list shows fifty pictures at once."""
+    record(tmp_path / "runs", 3.0, 3.0)
+    one = guest(tmp_path)
+    address = f"/api/v1/runs/{one.only_id()}/picture.jpg"
+    looks = []
+    monkeypatch.setattr("dnb_edge.web.runs_results.PICTURE_OF_S", 3600.0)
+    monkeypatch.setattr(RunIndex, "_runs", lambda self, look=RunIndex._runs: (looks.append(1), look(self))[1])
+    assert {one.client.get(address).status_code for _ in range(20)} == {200}
+    assert len(looks) <= 1
 
 
 def test_disk(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 import zipfile
+from datetime import UTC, datetime
 from email.utils import formatdate
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from dnb_edge.record.reader import read_run
 from dnb_edge.values import FrameDetections, Lap
 from dnb_edge.web import downloads, runs_jobs
 from dnb_edge.web.app import make_app
-from dnb_edge.web.downloads_parts import Part, Span, Unsatisfiable, disposition, pieces, wanted_span
+from dnb_edge.web.downloads_parts import Member, Part, Span, Unsatisfiable, disposition, pieces, wanted_span, zipped
 from dnb_edge.web.downloads_send import Lanes
 from dnb_edge.web.endpoint import Refused
 from dnb_edge.web.guard_rates import Limits
@@ -344,6 +345,16 @@ def test_zip_of_a_session(tmp_path: Path) -> None:
     with zipfile.ZipFile(io.BytesIO(answer.content)) as found:
         assert found.read(f"{one.stem}.pictures/000001.mcap") == b"ring"
         assert len(found.namelist()) == 4
+
+
+@pytest.mark.parametrize(("year", "said"), [(1970, 1980), (2026, 2026), (2200, 2107)])
+def test_a_zip_has_no_other_years(tmp_path: Path, year: int, said: int) -> None:
+    """A file of a box without a clock, or with a wrong one, is taken like any."""
+    path = tmp_path / "a"
+    path.write_bytes(b"x")
+    stamp_ns = round(datetime(year, 6, 1, tzinfo=UTC).timestamp() * 1e9)
+    data = b"".join(zipped([Member(name="a", parts=(Part(path=path, size_bytes=1),), modified_ns=stamp_ns)]))
+    assert zipfile.ZipFile(io.BytesIO(data)).infolist()[0].date_time[0] == said
 
 
 def test_no_more_downloads_at_once_than_there_are_places(tmp_path: Path) -> None:
