@@ -89,7 +89,8 @@ def run_appliance(
 ) -> RunSummary:
     """Runs one race and returns its summary once the recording is finished and synced.
 
-    `listeners` hear the summary as their last event; `live` tells other processes on the box of the race. Raises `InputError`
+    `listeners` hear the summary as their last event; `live` tells other processes on the box of the race, and may end it before
+    it begins: then nothing is written, and nobody hears anything. Raises `InputError`
     before anything is written where the input is wrong, `WorkError` at the end where the recording failed.
     """
     notifier = ServiceNotifier() if notifier is None else notifier
@@ -102,6 +103,9 @@ def run_appliance(
             stack.enter_context(alone(lock_directory(_directory(config, options))))
             stack.enter_context(log_aside())
         rooms = _rooms(config, options, source.info)
+        if live is not None and stop.is_set():
+            # It took its time: nobody wants a recording without a frame.
+            return RunSummary(frames=0, detected_frames=0, laps=0, recording=None)
         shown = [*displays]
         if options.display_uri is not None:
             display = open_display(options.display_uri)

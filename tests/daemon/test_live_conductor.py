@@ -15,7 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "live"))
 from caller import Caller
 
 from dnb_edge.capture.source import FrameSource
+from dnb_edge.cli.demo import write_demo_config
+from dnb_edge.config.load import load_config
 from dnb_edge.daemon import conductor as conductor_module
+from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.conductor import Conductor
 from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.notices import Notices
@@ -25,6 +28,7 @@ from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.errors import DnbEdgeError, InputError, WorkError
 from dnb_edge.live.messages import AimCamera, NewRun, Phase, ShowText, State, WatchPictures
 from dnb_edge.live.server import LiveServer
+from dnb_edge.sim.rig import Rig
 
 NO_CAMERA = InputError("no camera is connected")
 
@@ -272,6 +276,26 @@ def test_the_manager_waits_for_no_camera(
     fed = [one for one in manager_heard[ready:] if one.startswith("WATCHDOG")]
     assert fed[:5] == ["WATCHDOG=1", "WATCHDOG_USEC=60000000", "WATCHDOG=1", "WATCHDOG_USEC=10000000", "WATCHDOG=1"]
     assert fed[5:].count("WATCHDOG_USEC=10000000") == 0
+
+
+def test_a_run_that_is_to_end_before_it_begins_leaves_nothing(tmp_path: Path) -> None:
+    """A wish, or SIGTERM, while a model is loaded: no recording without a frame, no race told to anybody."""
+    ended, begun = threading.Event(), list[int]()
+    ended.set()
+    config = load_config(write_demo_config(tmp_path, Rig(laps=1)))
+    with LiveServer(tmp_path / "s", version="1") as server:
+        live = LiveRun(
+            server,
+            stop=ended,
+            notices=Notices(),
+            goes_on=lambda: True,
+            on_begin=lambda: begun.append(1),
+            resumes=True,
+        )
+        summary = run_appliance(config, RunOptions(source_uri="sim:", record_directory=tmp_path / "runs"), live=live)
+    assert (summary.frames, summary.laps, summary.recording) == (0, 0, None)
+    assert begun == []
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize("end", [WorkError("the disk is full"), NO_CAMERA])

@@ -99,7 +99,9 @@ def test_a_race_is_seen_begun_and_fetched_with_a_browser(enabled, guest, applian
     assert guest.run(f"ls {RUNS}/{first}.mcap").strip()
 
     appliance.display.wait(protocol.Lap, lambda lap: lap.lap == 1, since_s=asked_s, timeout_s=PATIENCE_S)
-    (entry,) = [run for run in browser.get("/api/v1/runs").json()["runs"] if run["name"] == second]
+    (entry,) = [run for run in browser.get("/api/v1/runs").json()["runs"] if run["current"]]
+    assert entry["file"].startswith(second)
+    assert entry["entry"] == "Ada"
     copied = browser.get(f"/api/v1/runs/{entry['id']}/recording.mcap")
     assert copied.status_code == 200, copied.text
     at = logs / "copy.mcap"
