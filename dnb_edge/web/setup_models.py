@@ -108,6 +108,8 @@ class StepSaid(Answered):
     state: StepState
     text: str
     """What is done, what is wrong, or what to do."""
+    needs: list[str]
+    """Keys of the steps that come first: without them this one has nothing to show."""
 
 
 class LoopSaid(Answered):

@@ -91,7 +91,7 @@ def answer(known: Understood, *, configured: bool) -> SetupAnswer:
     return SetupAnswer(
         draft=known.draft,
         steps=[
-            StepSaid(key=key, title=title, state=state, text=text)
+            StepSaid(key=key, title=title, state=state, text=text, needs=_blocked_by(known, key, configured=configured))
             for (key, title), (state, text) in zip(STEPS.items(), _states(known, configured=configured), strict=True)
         ],
         track=_track_said(known),
@@ -132,7 +132,7 @@ def _states(known: Understood, *, configured: bool) -> list[tuple[StepState, str
     if fresh:
         save = "done", "The configuration is in place"
     elif missing:
-        save = "open", f"Not yet: {', '.join(missing)} first"
+        save = "open", f"Not ready to save. First: {', '.join(missing)}"
     else:
         save = "open", "Changed since it was saved: save again" if saved else "Ready to save"
     drive: tuple[StepState, str] = ("open", "Drive a lap and see whether the car is found" if saved else "Save first")
@@ -144,18 +144,37 @@ def _needed(known: Understood) -> list[tuple[StepState, str]]:
     return [_aim(known), _twin(known), _route(known), _keypoints(known), _start(known), _sectors(known)]
 
 
+def _blocked_by(known: Understood, key: str, *, configured: bool) -> list[str]:
+    """The steps without which this one has nothing to show."""
+    draft = known.draft
+    missing = {
+        "aim": draft.photo is None,
+        "twin": draft.twin is None,
+        "route": known.track.track is None,
+        "save": not configured or draft.saved_revision is None,
+    }
+    needs = {
+        "route": ("twin",),
+        "keypoints": ("aim", "twin"),
+        "start": ("route",),
+        "sectors": ("route",),
+        "drive": ("save",),
+    }
+    return [need for need in needs.get(key, ()) if missing[need]]
+
+
 def _aim(known: Understood) -> tuple[StepState, str]:
     photo = known.draft.photo
     if photo is None:
         return "open", "Aim, focus, then take the picture"
-    return "done", f"A picture of {photo.width_px}x{photo.height_px} px is taken"
+    return "done", f"A picture of {photo.width_px} × {photo.height_px} px is taken"
 
 
 def _twin(known: Understood) -> tuple[StepState, str]:
     twin = known.draft.twin
     if twin is None:
         return "open", "Give a drawing of the track from straight above, or flatten the camera's picture"
-    return "done", f"{twin.width_px}x{twin.height_px} px"
+    return "done", f"{twin.width_px} × {twin.height_px} px"
 
 
 def _route(known: Understood) -> tuple[StepState, str]:

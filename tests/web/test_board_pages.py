@@ -101,13 +101,13 @@ def test_the_clock_runs_between_events(pages, stream):
 
 
 def test_a_daemon_that_is_down_is_said_in_words_and_comes_back(pages, stream):
-    """The page says that the daemon is down and what that means, keeps the laps, and goes on by itself."""
+    """The page says that the timing is not running and what that means, keeps the laps, and goes on by itself."""
     every, _ = mid_lap()
     page = opened(pages, stream, events=every)
     stream.send(DOWN)
-    shows(page, "notices", "The daemon is down")
+    shows(page, "notices", "The timing is not running")
     assert "goes on by itself" in text(page, "notices")
-    assert text(page, "line") == "daemon down"
+    assert text(page, "line") == "not running"
     assert page.locator("[data-show=laps] tr").count() == 2
     stream.send(hello("e2"), state(run="run-2"))
     shows(page, "line", "live")

@@ -47,7 +47,7 @@ export function lineWords(line, state, retry_in_s = null) {
     case Line.CONNECTED:
       return state?.phase === "fault" ? { kind: "bad", text: "fault" } : { kind: "good", text: "live" };
     case Line.DAEMON_DOWN:
-      return { kind: "bad", text: "daemon down" };
+      return { kind: "bad", text: "not running" };
     case Line.RECONNECTING:
       return { kind: "warn", text: retry_in_s !== null && retry_in_s >= 1 ? `reconnecting in ${Math.ceil(retry_in_s)} s` : "reconnecting" };
     default:
@@ -55,13 +55,14 @@ export function lineWords(line, state, retry_in_s = null) {
   }
 }
 
-/** What the page says instead of a race, where there is none: {kind, title, text}, or null. */
+/** What the page says instead of a race, where there is none: {kind, title, text, link}, or null; `link`: {href, text}, where one helps. */
 export function standstill(line, state) {
   if (line === Line.DAEMON_DOWN) {
     return {
       kind: "bad",
-      title: "The daemon is down",
-      text: "Nothing is timed or recorded just now. This page goes on by itself as soon as it is back; what was recorded is safe.",
+      title: "The timing is not running",
+      text: "Nothing is timed or recorded just now; what was recorded is safe. This page goes on by itself as soon as the timing does. "
+        + "If that takes more than a minute, switch the box off and on.",
     };
   }
   if (line === Line.RECONNECTING) {
@@ -70,12 +71,13 @@ export function standstill(line, state) {
   if (state === null) return { kind: "accent", title: "Connecting", text: "" };
   switch (state.phase) {
     case "fault":
-      return { kind: "bad", title: "The daemon cannot start", text: sentence(state.reason ?? "it does not say why") };
+      return { kind: "bad", title: "The timing cannot start", text: `${sentence(state.reason ?? "it does not say why")} It tries again by itself.` };
     case "setup":
       return {
         kind: "accent",
         title: "Being set up",
         text: state.reason ? sentence(state.reason) : "The camera gives pictures and no race is on. Go on in the set-up.",
+        link: { href: "/setup", text: "Set up the track" },
       };
     case "starting":
       return { kind: "accent", title: "Starting", text: state.reason ? sentence(state.reason) : "The camera is being opened." };

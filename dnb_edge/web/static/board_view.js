@@ -92,6 +92,7 @@ export class BoardView {
     const rows = lapRows(board).slice(0, this.laps_shown);
     const body = this.#places.get("laps");
     body.replaceChildren(...rows.flatMap(lapRow));
+    body.closest("table").classList.toggle("has-sectors", rows.some((row) => row.sectors.length > 0));
     body.closest("[data-empty]")?.toggleAttribute("data-is-empty", rows.length === 0);
   }
 
@@ -125,10 +126,16 @@ export class BoardView {
 
   #notices(told) {
     this.#places.get("notices").replaceChildren(
-      ...told.map(({ kind, title, text }) => {
+      ...told.map(({ kind, title, text, link }) => {
         const notice = made("div", `notice notice--${kind}`);
         if (title !== undefined) notice.append(made("strong", "", title));
         notice.append(made("p", "", text));
+        // A wall has nothing to press.
+        if (link !== undefined && this.#places.get("notices").dataset.links !== undefined) {
+          const way = made("a", "button button--small", link.text);
+          way.href = link.href;
+          notice.append(way);
+        }
         return notice;
       }),
     );

@@ -96,12 +96,15 @@ function draw() {
   const focused = document.activeElement?.dataset?.key;
   const filtered = [...query().keys()].length > 2;
   if (shown.length === 0) {
-    const text = filtered ? "Nothing passes this filter." : "Nothing is recorded yet: start a race, and it appears here.";
+    const text = filtered ? "Nothing passes this filter." : "Nothing is recorded yet. Each race appears here as soon as it begins: to look at, to judge and to take home.";
     list.replaceChildren(el("li", { class: "empty" }, el("p", {}, text)));
   } else {
     list.replaceChildren(...shown.map(card));
   }
+  // Nothing to find, to choose or to count where nothing is.
+  for (const part of document.querySelectorAll("[data-some]")) part.hidden = shown.length === 0 && !filtered;
   if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+  document.querySelector("#choose-all").disabled = !shown.some(canCompare);
   document.querySelector("#make-table").disabled = chosen.size === 0;
   document.querySelector("#make-table").textContent = chosen.size === 0 ? "Table of entries" : `Table of ${chosen.size} ${chosen.size === 1 ? "run" : "runs"}`;
   document.querySelector("#choose-none").hidden = chosen.size === 0;

@@ -66,7 +66,7 @@ function facts(run) {
     ...Object.entries(run.identity).map(([name, digest]) => [name[0].toUpperCase() + name.slice(1), digest]),
     ["Software", run.versions["dnb-edge"] ?? "–"],
   ];
-  place("facts").replaceChildren(...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
+  place("facts").replaceChildren(...rows.filter(([, value]) => value !== "–").flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
 }
 
 function take(run) {

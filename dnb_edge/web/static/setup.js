@@ -63,10 +63,21 @@ function take(answer) {
     item.classList.toggle("is-done", step.state === "done");
     item.classList.toggle("is-bad", step.state === "wrong");
     const said = byId(step.key).querySelector(".state");
-    said.textContent = step.text;
+    said.replaceChildren(step.text, ...step.needs.map((need) => wayTo(answer, need)));
+    byId(step.key).classList.toggle("is-blocked", step.needs.length > 0);
     said.className = `state notice${{ done: " notice--good", wrong: " notice--bad", open: "" }[step.state]}`;
   }
+  byId("hint").hidden = answer.steps.some((step) => step.state === "done" && step.key !== "sectors");
   for (const step of Object.values(steps)) step.render?.(answer);
+}
+
+/** A link to a step that comes first. */
+function wayTo(answer, key) {
+  const link = document.createElement("a");
+  link.className = "button button--small";
+  link.href = `#${key}`;
+  link.textContent = `Go to ${keys.indexOf(key) + 1} ${answer.steps.find((step) => step.key === key).title}`;
+  return link;
 }
 
 function go() {

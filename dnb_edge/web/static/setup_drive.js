@@ -1,5 +1,6 @@
 // The test drive: where the box finds cars, on the live picture and on the twin.
 
+import { sentence } from "./board_health.js";
 import { follow, Line } from "./live.js";
 import { blob } from "./setup_aim.js";
 import { trackItems } from "./setup_route.js";
@@ -44,7 +45,7 @@ export function driveStep(setup) {
     const ago = last === null ? null : (Date.now() - last) / 1000;
     let kind = "", text;
     if (up === false) [kind, text] = ["bad", "The timing service is not running: it comes back by itself."];
-    else if (reason !== null) [kind, text] = ["warn", reason];
+    else if (reason !== null) [kind, text] = ["warn", sentence(reason)];
     else if (phase === "setup") [kind, text] = ["", "The box gives pictures only: save first, then it races."];
     else if (ago === null) text = "No car is found yet: put one on the track and drive.";
     else if (ago > 2) [kind, text] = ["warn", "The car is not found any more: is it in the picture, and on the floor?"];
