@@ -24,7 +24,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train fuzz aarch64-check system-test lock clean
+.PHONY: help demo test lint format train fuzz screenshots aarch64-check system-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
@@ -58,6 +58,10 @@ train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see 
 fuzz: .venv/.test-installed ## 100 000 damaged recordings, configurations, calibrations and model cards (a quarter of an hour)
 	$(call say,tests/fuzz/fuzz.py)
 	@$(BIN)/python tests/fuzz/fuzz.py $(FUZZ_FLAGS)
+
+screenshots: .venv/.test-installed ## Pictures of every page on phone and projector sizes, in build/screenshots (Chromium; five minutes)
+	$(call say,tests/web/screenshots.py)
+	@PYTHONPATH=tests/web $(BIN)/python tests/web/screenshots.py build/screenshots
 
 aarch64-check: .venv/.test-installed ## The model, the race and the installed demo here and on a Pi's processors, emulated (Linux, root, an hour)
 	$(call say,tests/system/aarch64_output.py)
