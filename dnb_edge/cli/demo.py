@@ -10,12 +10,15 @@ from typing import Annotated, Any
 import typer
 import yaml
 
+from dnb_edge.cli.demo_web import SETUP_NAME, race_with_pages
 from dnb_edge.cli.results import make_report
 from dnb_edge.cli.run_means import say_summary
 from dnb_edge.config.load import load_config
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
+from dnb_edge.daemon.last_good import CONFIG_NAME as CONFIGURED_NAME
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
+from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
 from dnb_edge.sim.car import Paint
 from dnb_edge.sim.files import DemoFiles, demo_files
@@ -23,16 +26,25 @@ from dnb_edge.sim.rig import Rig
 from dnb_edge.sim.traffic import MOST_CARS
 
 CONFIG_NAME = "demo.yaml"
+LAPS = 3
+WEB_LAPS = 50
+"""Five minutes: time to look round."""
 
 
 def demo(
     directory: Annotated[Path, typer.Option("--out", help="Directory for everything that the demo writes.")] = Path(
         "runs/demo"
     ),
-    laps: Annotated[int, typer.Option(min=1, max=50, help="Complete laps to drive.")] = 3,
+    laps: Annotated[
+        int | None, typer.Option(min=1, max=50, help="Complete laps to drive. Default: 3; with --web 50.")
+    ] = None,
     cars: Annotated[int, typer.Option(min=1, max=MOST_CARS, help="Cars that race each other.")] = 1,
     seed: Annotated[int, typer.Option(help="Another seed, another drive.")] = 1,
     fast: Annotated[bool, typer.Option("--fast", help="As fast as this machine can, instead of in real time.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Board, runs and set-up in a browser on this machine as well, until Ctrl-C.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="With --web: the pages' port.")] = 8080,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line on stdout instead of the board.")
     ] = False,
@@ -41,9 +53,18 @@ def demo(
 
     It writes a twin, keypoints and a configuration first, as a user would: look at them to see what your own track needs.
     """
+    if web and fast:
+        raise InputError("--fast: leave it out with --web, whose pages show the race as it is driven")
+    laps = (WEB_LAPS if web else LAPS) if laps is None else laps
     console = BoardConsole(stderr=as_json, markup=False)
     console.print("Drawing the track and setting up the simulated camera ...", highlight=False)
-    config_file = write_demo_config(directory, Rig(seed=seed, laps=laps, cars=cars))
+    rig = Rig(seed=seed, laps=laps, cars=cars)
+    if web:
+        write_demo_config(directory / SETUP_NAME, rig, CONFIGURED_NAME)
+        uri = f"sim:?laps={laps}&cars={cars}&seed={seed}&pace=1"
+        race_with_pages(directory, uri, laps=laps, port=port, as_json=as_json)
+        return
+    config_file = write_demo_config(directory, rig)
     config = load_config(config_file, [f"race.laps={laps}"])
     uri = f"sim:?laps={laps}&cars={cars}&seed={seed}" + ("" if fast else "&pace=1")
     options = RunOptions(source_uri=uri, record_directory=directory)
@@ -59,10 +80,10 @@ def demo(
     console.print(f"Your own track needs a file like {config_file}", highlight=False, soft_wrap=True)
 
 
-def write_demo_config(directory: Path, rig: Rig) -> Path:
+def write_demo_config(directory: Path, rig: Rig, name: str = CONFIG_NAME) -> Path:
     """Writes the demo's twin, keypoints and configuration into `directory`; returns the configuration's path."""
     files = demo_files(directory, rig)
-    path = directory / CONFIG_NAME
+    path = directory / name
     text = "# Written by `dnb-edge demo`: what a configuration of your own track looks like.\n"
     text += yaml.safe_dump(_config(files, rig.paints), sort_keys=False)
     write_whole(path, text.encode())
