@@ -211,7 +211,7 @@ def away(album: Album, browser: Browser, box: RunningBox) -> None:
     album.take(page, "8-no-camera-projector", whole=False)
     log_in(page, box)
     page.goto(f"{box.url}/setup#aim")
-    page.wait_for_timeout(4000)
+    page.wait_for_timeout(9000)
     album.take(page, "8-no-camera-setup")
     page.context.close()
 

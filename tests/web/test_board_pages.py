@@ -205,6 +205,18 @@ def test_what_is_no_race_is_said(pages, stream, of, words):
     assert text(page, "state") != "Waiting for the car"
 
 
+def test_a_box_that_knows_no_track_leads_to_the_set_up(pages, stream):
+    """With a link, where somebody can press one: not on a wall."""
+    stream.greeting = [hello(), state("setup", reason="no track is set up yet")]
+    page = pages.page(stream)
+    page.goto("/")
+    shows(page, "notices", "No track is set up yet.")
+    assert page.locator("[data-show=notices] a[href='/setup']").count() == 1
+    page.goto("/projector")
+    shows(page, "state", "Being set up")
+    assert page.locator("[data-show=notices] a").count() == 0
+
+
 def test_warnings_and_health_are_words(pages, stream):
     """Warnings stand above the race, health below it: lost frames by reason, drift, disk, heat, saved laps."""
     lost = (made.values.LostFrames(reason="queue", frames=5),)

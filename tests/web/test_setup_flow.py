@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -91,6 +92,20 @@ def test_draft_is_there_after_a_restart(wizard: Wizard, rig: Rig, tmp_path: Path
     assert again.ask("GET", "") == before
     assert again.get("/twin.png").content == png(rig.twin)
     assert again.get("/picture.jpg").headers["content-type"] == "image/jpeg"
+
+
+def test_each_step_names_those_that_come_first(wizard: Wizard, rig: Rig) -> None:
+    """So that a page shows the way to them and not empty pictures; what is done comes first no more."""
+
+    def needs(answer: dict[str, Any]) -> dict[str, list[str]]:
+        return {step["key"]: step["needs"] for step in answer["steps"] if step["needs"]}
+
+    route = {"start": ["route"], "sectors": ["route"]}
+    assert needs(wizard.ask("GET", "")) == {"route": ["twin"], "keypoints": ["aim", "twin"], **route, "drive": ["save"]}
+    assert needs(wizard.send("/twin", png(rig.twin))) == {"keypoints": ["aim"], **route, "drive": ["save"]}
+    assert needs(with_everything(wizard, rig)) == {"drive": ["save"]}
+    wizard.ask("POST", "/save")
+    assert needs(wizard.ask("GET", "")) == {}
 
 
 def test_saving_again_keeps_what_was_there(wizard: Wizard, rig: Rig) -> None:
