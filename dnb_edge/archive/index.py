@@ -90,7 +90,8 @@ class RunIndex:
             raise InputError(f"{self.directory}: cannot be read: {error.strerror}") from error
         names = {entry.name for entry in entries}
         with self._lock:
-            files = [seen for entry in entries if _is_recording(entry) and (seen := self._look(entry)) is not None]
+            wanted = (entry for entry in entries if _is_recording(entry) and not _is_whole_elsewhere(entry.name, names))
+            files = [seen for entry in wanted if (seen := self._look(entry)) is not None]
             for gone in self._kept.keys() - {file.stem for file in files}:
                 del self._kept[gone]
         return tuple(sorted(joined(files, names), key=lambda run: (-run.ordered_ns, run.id)))
@@ -192,6 +193,11 @@ def _bytes_at(path: Path, offset: int) -> bytes | None:
 
 def _is_recording(entry: os.DirEntry[str]) -> bool:
     return entry.name.endswith((".mcap", f".mcap{PART_SUFFIX}")) and not entry.name.startswith(".") and entry.is_file()
+
+
+def _is_whole_elsewhere(name: str, names: set[str]) -> bool:
+    """Whether it is what a recovery made a whole file of, and did not come to remove."""
+    return name.endswith(PART_SUFFIX) and name.removesuffix(PART_SUFFIX) in names
 
 
 def _seen(kept: _Kept, path: Path, size_bytes: int, modified_ns: int) -> SeenFile:

@@ -148,6 +148,20 @@ def test_another_unfinished_file_in_the_same_place(tmp_path: Path) -> None:
     assert index.laps(run) == RunIndex(other.parent).laps(RunIndex(other.parent).runs()[0])
 
 
+def test_what_a_recovery_left_beside_the_whole_file_hides_it_not(tmp_path: Path) -> None:
+    """A power cut between the recovery's last two steps: the whole file is the run, and is read once."""
+    whole = record(tmp_path, 3.0, 3.0)
+    part = whole.with_name(f"{whole.name}.part")
+    part.write_bytes(whole.read_bytes()[:-300])
+    index = RunIndex(tmp_path)
+    (run,) = index.runs()
+    assert (run.last.path, run.state) == (whole, FileState.FINISHED)
+    (again,) = index.runs()
+    assert again.last is run.last
+    whole.unlink()
+    assert [run.last.path for run in index.runs()] == [part]
+
+
 def test_many_ask_at_once(tmp_path: Path) -> None:
     """Looks from several threads while files come and go give whole answers."""
     index, faults = RunIndex(tmp_path), []
