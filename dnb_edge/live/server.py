@@ -48,8 +48,6 @@ TICK_S = 0.5
 MOST_FRESH = 512
 """Fleeting events on their way to the clients; later ones are lost."""
 LEAST_EVERY_S = 0.02
-MOST_EVERY_S = 60.0
-"""Between two pictures of a client, whatever it asks."""
 ACCEPT_AGAIN_S = 0.1
 CLOSE_S = 1.0
 """How long the last words may take."""
@@ -234,7 +232,7 @@ class LiveServer:
             case WatchPictures():
                 with self._lock:
                     client.every_s = (
-                        None if asked.every_s is None else min(MOST_EVERY_S, max(LEAST_EVERY_S, asked.every_s))
+                        None if asked.every_s is None else max(LEAST_EVERY_S, asked.every_s)
                     )
                     client.picture_due_s = 0.0
                     self._count_watchers()
