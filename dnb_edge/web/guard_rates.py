@@ -76,6 +76,12 @@ class Failures:
         if len(self._instants) > MOST_ADDRESSES:
             self._instants.popitem(last=False)
 
+    def forgiven(self, address: str) -> None:
+        """The latest time of `address` does not count."""
+        instants = self._instants.get(address)
+        if instants:
+            instants.pop()
+
 
 def counted_as(client: tuple[str, int] | list[object] | None) -> str:
     """The address that a client is counted under: an IPv6 client has the whole of its network's /64 to choose from."""

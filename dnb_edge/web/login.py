@@ -67,7 +67,8 @@ class Login:
 
     async def page(self, request: Request) -> Response:
         """GET /login: has the box show the code."""
-        shown = await self._show(counted_as(request.client))
+        # Who has logged in needs no code.
+        shown = getattr(request.state, "session", None) is not None or await self._show(counted_as(request.client))
         return self._box.pages.page(
             request, "login.html", next=safe_next(request.query_params.get("next")), shown=shown
         )
@@ -117,6 +118,8 @@ class Login:
         try:
             await self._box.daemon.ask(show=f"set-up code {spaced(code)}", for_s=SHOWN_S)
         except Refused:
+            # It covered no display: whoever tries while the box starts up is not to wait for the code afterwards.
+            self._openings.forgiven(address)
             return False
         self._shown = (code, now_s)
         return True

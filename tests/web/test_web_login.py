@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 from web_box import app_in, codes, log_in, visitor
 
 from dnb_edge.live.messages import Phase, Picture, State, Told
+from dnb_edge.web.endpoint import Refused
 from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.login import safe_next
 from dnb_edge.web.sessions import CODE_USES, IDLE_S, MOST_SESSIONS, MOST_WRONG, Sessions, SetupCode, spaced
@@ -28,6 +29,7 @@ class Display:
 
     def __init__(self) -> None:
         self.asked: list[dict[str, Any]] = []
+        self.refuses = False
 
     def events(self, since: int | None = None) -> tuple[Told, ...]:
         return ()
@@ -42,6 +44,8 @@ class Display:
         raise NotImplementedError
 
     async def ask(self, **what: Any) -> None:
+        if self.refuses:
+            raise Refused(503, "daemon-down", "It is not there yet.")
         self.asked.append(what)
 
 
@@ -91,6 +95,29 @@ def test_nobody_covers_a_display_for_long(tmp_path: Path) -> None:
     now_s[0] += 11.0
     assert "notice--warn" not in other.get("/login").text
     assert len(daemon.asked) == 4
+
+
+def test_tries_while_no_display_is_there_do_not_count(tmp_path: Path) -> None:
+    """Whoever opens the page again and again while the box starts up sees the code as soon as a display can show it."""
+    daemon, now_s = Display(), [0.0]
+    client = visitor(app_in(tmp_path, daemon=daemon, clock_s=lambda: now_s[0]))
+    daemon.refuses = True
+    for _ in range(5):
+        now_s[0] += 11.0
+        assert "notice--warn" in client.get("/login").text
+    daemon.refuses = False
+    assert "notice--warn" not in client.get("/login").text
+
+
+def test_who_has_logged_in_has_no_code_shown(tmp_path: Path) -> None:
+    """It would cover the laps for nothing."""
+    daemon, now_s = Display(), [0.0]
+    client = visitor(app_in(tmp_path, daemon=daemon, clock_s=lambda: now_s[0]))
+    log_in(client)
+    asked = len(daemon.asked)
+    now_s[0] = 11.0
+    assert "You are logged in" in client.get("/login").text
+    assert len(daemon.asked) == asked
 
 
 def test_nobody_floods_the_log(client: TestClient) -> None:
