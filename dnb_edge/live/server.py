@@ -231,9 +231,7 @@ class LiveServer:
                     client.follow(self._place(asked))
             case WatchPictures():
                 with self._lock:
-                    client.every_s = (
-                        None if asked.every_s is None else max(LEAST_EVERY_S, asked.every_s)
-                    )
+                    client.every_s = None if asked.every_s is None else max(LEAST_EVERY_S, asked.every_s)
                     client.picture_due_s = 0.0
                     self._count_watchers()
                 client.answer(Answer(ask=asked.ask, done=True))

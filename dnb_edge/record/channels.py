@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,6 +73,10 @@ class TrackScene:
     """False for a route from its first point to its last."""
 
 
+_KEPT: dict[int, object] = getattr(sys.modules[foxglove.Channel.__module__], "_channels_by_id", {})
+"""Where the library keeps all channels for ever, for its own `log`: a process that records race after race would grow by it."""
+
+
 def stamp(t_ns: int) -> fg.Timestamp:
     """`t_ns` of the source's clock as a Foxglove time stamp."""
     return fg.Timestamp(sec=t_ns // 1_000_000_000, nsec=t_ns % 1_000_000_000)
@@ -85,6 +90,8 @@ class RunChannels:
             topic: foxglove.Channel(topic, schema=wire.json_schema(kind), context=context)
             for topic, kind in ({IMAGE_NOTE_TOPIC: ImageNote} | JSON_TOPICS).items()
         }
+        for channel in self._json.values():
+            _KEPT.pop(channel.id(), None)
         self._image = typed.CompressedImageChannel(IMAGE_TOPIC, context=context)
         self._annotations = typed.ImageAnnotationsChannel(ANNOTATIONS_TOPIC, context=context)
         self._pose = typed.PoseInFrameChannel(POSE_TOPIC, context=context)
