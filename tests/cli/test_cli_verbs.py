@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from edge_command import edge
+from edge_command import edge, edge_cold
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -49,7 +49,21 @@ def test_help_explains_verb_and_options(words: tuple[str, ...]) -> None:
 
 def test_the_command_says_its_version_and_without_words_its_help() -> None:
     """`--version` prints one line; the bare command prints its verbs and is a wrong command line."""
-    assert edge("--version").out == f"dnb-edge {__version__}\n"
-    bare = edge()
+    assert edge_cold("--version").out == f"dnb-edge {__version__}\n"
+    bare = edge_cold()
     assert bare.code == 2
     assert "demo" in bare.out + bare.err
+
+
+@pytest.mark.parametrize("words", [words for words in VERBS if len(words) == 1], ids=lambda words: words[0])
+def test_every_verb_starts_from_nothing(words: tuple[str, ...]) -> None:
+    """With no other module imported before it, as from a shell."""
+    assert edge_cold(*words, "--help").code == 0
+
+
+@pytest.mark.parametrize(
+    "words", [("--version",), ("run", "--source", "bogus:0"), ("score", "no-such.mcap"), ("nothing",)]
+)
+def test_a_warm_command_is_what_a_cold_one_is(words: tuple[str, ...]) -> None:
+    """The tests' own short cut changes neither a stream nor an exit code."""
+    assert edge(*words) == edge_cold(*words)
