@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kernel_camera import ERROR, MONOTONIC, START_OF_EXPOSURE
 
+from dnb_edge.capture import v4l2
 from dnb_edge.capture.settings import CaptureSettings
 from dnb_edge.capture.source import open_source
 from dnb_edge.capture.v4l2 import stamp_of, yuyv_to_bgr
@@ -274,6 +275,22 @@ def test_an_unplugged_camera_is_a_temporary_fault(play_camera):
     source.close()
     # A mapping that stays holds the node: the camera would come back under another number.
     assert [mapped.closed for mapped in camera.buffers] == [True] * 4
+
+
+def test_an_unplugged_camera_is_let_go_of_a_moment_later(play_camera, monkeypatch):
+    """The kernel is still taking it away, and may crash where its file is closed meanwhile. One that is there is closed at once."""
+    waited = []
+    monkeypatch.setattr(v4l2.time, "sleep", lambda seconds: waited.append((seconds, source._device.closed)))
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    source.close()
+    assert waited == []
+    camera = play_camera()
+    source = open_source(f"v4l2:{camera.path}", SMALL)
+    camera.unplug()
+    source.close()
+    assert waited == [(v4l2.UNPLUGGED_S, False)]
+    assert source._device.closed
 
 
 def test_a_silent_camera_is_a_temporary_fault(play_camera):
