@@ -278,7 +278,7 @@ def test_an_unplugged_camera_is_a_temporary_fault(play_camera):
 
 
 def test_an_unplugged_camera_is_let_go_of_a_moment_later(play_camera, monkeypatch):
-    """The kernel is still taking it away, and may crash where its file is closed meanwhile. One that is there is closed at once."""
+    """The kernel is still taking it away, and may crash where its file is closed meanwhile. One that is there is closed now."""
     waited = []
     monkeypatch.setattr(v4l2.time, "sleep", lambda seconds: waited.append((seconds, source._device.closed)))
     camera = play_camera()
