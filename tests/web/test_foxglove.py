@@ -181,7 +181,9 @@ def test_another_run_begins_anew(peer: Peer, daemon: LiveServer) -> None:
     told = peer.next_text()
     while told["op"] != "serverInfo" or told["sessionId"] == session:
         told = peer.next_text()
-    assert b"route" in peer.next("/scene")[2] + peer.next("/scene")[2]
+    # What else of the scene was under way may have come before the session.
+    while b"route" not in peer.next("/scene")[2]:
+        pass
 
 
 def test_the_daemon_may_go_and_come_back(tmp_path: Path, raced: Replayed) -> None:
