@@ -1,56 +1,14 @@
-"""The pages' unit: understood by systemd, hardened, without any device, and able to write where it must and nowhere else."""
+"""The pages' unit: without any device, and able to write where it must and nowhere else."""
 
 import re
-import shutil
-import subprocess
-from pathlib import Path
+from functools import partial
 
 import pytest
+import units
+from units import SYSTEMD
 
-SYSTEMD = Path(__file__).resolve().parents[2] / "systemd"
-UNIT = SYSTEMD / "dnb-edge-web.service"
-APPLIANCE = SYSTEMD / "dnb-edge.service"
-
-ANALYZE = shutil.which("systemd-analyze")
-needs_analyze = pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
-
-
-def settings(unit=UNIT):
-    """A unit's assignments, key to all values in order."""
-    found = {}
-    for key, value in re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), flags=re.MULTILINE):
-        found.setdefault(key, []).append(value)
-    return found
-
-
-@pytest.fixture
-def installable(tmp_path):
-    """A copy of the unit whose program exists on this machine."""
-    text = re.sub(r"^ExecStart=.*$", "ExecStart=/bin/true", UNIT.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    path = tmp_path / UNIT.name
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def analyze(*arguments):
-    return subprocess.run(
-        [ANALYZE, "--no-pager", *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False
-    )
-
-
-@needs_analyze
-def test_systemd_understands_every_line(installable):
-    """`verify` exits with 0 even for unknown keys, so any word from it is a failure."""
-    verdict = analyze("verify", installable)
-    assert (verdict.returncode, verdict.stdout, verdict.stderr) == (0, "", "")
-
-
-@needs_analyze
-def test_the_pages_are_hardened(installable):
-    """systemd's own exposure level is at most 2.0 of 10, though they have a network."""
-    verdict = analyze("security", "--offline=true", "--threshold=20", installable)
-    assert verdict.returncode == 0, verdict.stdout
-    assert float(re.search(r"exposure level for \S+: ([0-9.]+)", verdict.stdout)[1]) <= 2.0
+settings = partial(units.settings, SYSTEMD / "dnb-edge-web.service")
+settings_of_the_race = partial(units.settings, SYSTEMD / "dnb-edge.service")
 
 
 @pytest.mark.parametrize(
@@ -89,13 +47,13 @@ def test_it_does_not_wait_for_the_appliance():
 
 def test_when_memory_runs_out_the_race_stays():
     """The pages go first."""
-    (pages,), (race,) = settings()["OOMScoreAdjust"], settings(APPLIANCE)["OOMScoreAdjust"]
+    (pages,), (race,) = settings()["OOMScoreAdjust"], settings_of_the_race()["OOMScoreAdjust"]
     assert int(pages) > 0 > int(race)
 
 
 def test_both_share_their_files_through_the_group():
     """One group, two users; what either writes there the other may write; the socket's and the files' places are the same."""
-    pages, race = settings(), settings(APPLIANCE)
+    pages, race = settings(), settings_of_the_race()
     assert pages["Group"] == race["Group"]
     assert pages["User"] != race["User"]
     assert pages["UMask"] == race["UMask"] == ["0007"]
