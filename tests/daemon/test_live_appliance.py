@@ -117,7 +117,7 @@ def test_new_runs_are_whole_recordings(config: Path, tmp_path: Path, start: Star
     assert damaged.reason.startswith(str(config))
     config.write_text(text, encoding="utf-8")
     assert process.stopped() == 0
-    while (message := client.hear()) is not None:
+    while (message := client.hear_or_end()) is not None:
         heard.append(message)
     runs = [one for one in states(heard) if one.phase is Phase.RACING]
     assert [one.run for one in runs] == [path.stem for path in sorted((tmp_path / "runs").glob("*.mcap"))]

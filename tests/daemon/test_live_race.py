@@ -54,7 +54,7 @@ class Reader(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        while (message := self.caller.hear()) is not None:
+        while (message := self.caller.hear_or_end()) is not None:
             self.heard.append(message)
 
     def events(self, kind: str) -> list[dict[str, object]]:
