@@ -1,13 +1,12 @@
 """The set-up's page and its part of the API: from a camera that is aimed to a configuration that is in place.
 
-Knows requests, the draft and the line to the daemon; what a draft comes to is `setup_steps`' knowledge, what saving does
-`setup_save`'s. Everything that takes time runs in a thread, one thing at a time, so that a small box keeps racing.
+Knows requests and the line to the daemon; what they do to the draft is `setup_changes`' knowledge, what a draft comes to
+`setup_steps`'. Everything that takes time runs in a thread, one thing at a time, so that a small box keeps racing.
 """
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from collections.abc import Callable
 from functools import partial
 from typing import TypeVar
@@ -17,30 +16,20 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from dnb_edge.errors import InputError, WorkError
-from dnb_edge.track.twin import load_twin
-from dnb_edge.view.photograph import SEAM_M
-from dnb_edge.web import setup_look, setup_save, setup_steps, setup_track, setup_upload
+from dnb_edge.web import setup_changes, setup_save, setup_steps, setup_upload
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, SMALL_BODY_BYTES, Access, Endpoint, Handler, Method, Refused
 from dnb_edge.web.setup_draft import (
     CameraChoice,
     Draft,
     DraftStore,
-    EndsPx,
-    LaneChoice,
-    Lines,
-    Pair,
     RouteChoice,
-    ScaleChoice,
     StoredPicture,
 )
-from dnb_edge.web.setup_keypoints import sigma_picture
 from dnb_edge.web.setup_models import (
     FlattenBody,
     KeypointsBody,
     LaneBody,
-    LineBody,
     LinesBody,
     LookAnswer,
     LookQuery,
@@ -88,25 +77,25 @@ class Setup:
         """POST /api/v1/setup/photo: keeps the camera's picture of this moment."""
         del request
         picture = await self._box.daemon.picture()
-        return await self._answer(partial(self._keep_photo, picture.jpeg, from_camera=True))
+        return await self._answer(partial(setup_changes.keep_photo, self._store, picture.jpeg, from_camera=True))
 
     async def upload_photo(self, request: Request) -> Response:
         """PUT /api/v1/setup/photo: a picture from elsewhere instead."""
         data = await request.body()
-        return await self._answer(partial(self._keep_photo, data, from_camera=False))
+        return await self._answer(partial(setup_changes.keep_photo, self._store, data, from_camera=False))
 
     async def upload_twin(self, request: Request) -> Response:
         """PUT /api/v1/setup/twin."""
         data = await request.body()
-        return await self._answer(partial(self._keep_twin, data))
+        return await self._answer(partial(setup_changes.keep_twin, self._store, data))
 
     async def flatten(self, request: Request) -> Response:
         """POST /api/v1/setup/twin: makes one of the camera's picture."""
-        return await self._answer(partial(self._flatten, request.state.body))
+        return await self._answer(partial(setup_changes.flatten, self._store, request.state.body))
 
     async def lane(self, request: Request) -> Response:
         """PUT /api/v1/setup/lane."""
-        return await self._answer(partial(self._set_lane, request.state.body))
+        return await self._answer(partial(setup_changes.set_lane, self._store, request.state.body))
 
     async def route(self, request: Request) -> Response:
         """PUT /api/v1/setup/route."""
@@ -138,14 +127,14 @@ class Setup:
 
     async def lines(self, request: Request) -> Response:
         """PUT /api/v1/setup/lines."""
-        return await self._answer(partial(self._set_lines, request.state.body))
+        return await self._answer(partial(setup_changes.set_lines, self._store, request.state.body))
 
     async def save(self, request: Request) -> Response:
         """POST /api/v1/setup/save."""
         del request
         state = self._box.daemon.state
         source = None if state is None else state.source
-        saved, draft = await self._alone(partial(self._save, source))
+        saved, draft = await self._alone(partial(setup_changes.save, self._store, self._folder, source))
         note = "" if saved.note is None else f" {saved.note}"
         try:
             await self._box.daemon.ask(new_run=True)
@@ -161,7 +150,7 @@ class Setup:
     async def look(self, request: Request) -> Response:
         """GET /api/v1/setup/look?after=T_NS."""
         picture = await self._box.daemon.picture(newer_than_ns=request.state.query.after)
-        found = await run_in_threadpool(self._looked, picture.jpeg)
+        found = await run_in_threadpool(setup_changes.looked, picture.jpeg)
         return _json(
             LookAnswer(
                 t_ns=picture.t_ns,
@@ -185,115 +174,7 @@ class Setup:
     async def sigma(self, request: Request) -> Response:
         """GET /api/v1/setup/sigma.png."""
         del request
-        return Response(await self._alone(self._sigma), media_type="image/png")
-
-    def _keep_photo(self, data: bytes, *, from_camera: bool) -> Draft:
-        upload = setup_upload.checked(data, what="the camera's picture", upright=True)
-        fault = setup_look.fault_of(setup_upload.decoded(data, what="the camera's picture"))
-        if fault is not None:
-            raise InputError(f"the picture cannot be used, {fault}")
-
-        def changed(draft: Draft) -> Draft:
-            stored = self._store.keep("photo", upload, from_camera=from_camera)
-            return draft.model_copy(update={"photo": stored, "pairs": _moved(draft.pairs, draft.photo, stored)})
-
-        return self._store.change(changed)
-
-    def _keep_twin(self, data: bytes) -> Draft:
-        upload = setup_upload.checked(data, what="the twin")
-        stored = self._store.keep("twin", upload)
-
-        def changed(draft: Draft) -> Draft:
-            if draft.twin is not None and draft.twin.sha256 == stored.sha256:
-                return draft
-            # All that was clicked on another picture means nothing on this one.
-            return draft.model_copy(
-                update={
-                    "twin": stored,
-                    "lane": None,
-                    "route": RouteChoice(closed=draft.route.closed),
-                    "scale": None,
-                    "lines": Lines(),
-                    "pairs": _only_camera(draft.pairs),
-                }
-            )
-
-        return self._store.change(changed)
-
-    def _flatten(self, body: FlattenBody) -> Draft:
-        photo = self._store.load().photo
-        if photo is None:
-            raise InputError("there is no picture to make a twin of: take the camera's picture first")
-        picture = setup_upload.decoded(self._store.path(photo).read_bytes(), what="the camera's picture")
-        upload, metres_per_px, corners = setup_track.flattened(picture, body.corners_px, body.width_m, body.height_m)
-        stored = self._store.keep("twin", upload)
-        pairs = tuple(
-            Pair(name=str(k), camera_px=camera_px, twin_px=twin_px)
-            for k, (camera_px, twin_px) in enumerate(zip(body.corners_px, corners, strict=True), start=1)
-        )
-
-        def changed(draft: Draft) -> Draft:
-            return draft.model_copy(
-                update={
-                    "twin": stored,
-                    "lane": None,
-                    # Tape across the lane is no end of it.
-                    "route": RouteChoice(closed=draft.route.closed, close_gap_px=round(SEAM_M / metres_per_px, 1)),
-                    "scale": ScaleChoice(metres_per_px=metres_per_px),
-                    "lines": Lines(),
-                    "pairs": pairs,
-                }
-            )
-
-        return self._store.change(changed)
-
-    def _set_lane(self, body: LaneBody) -> Draft:
-        if (body.at_px is None) == (body.shade is None):
-            raise InputError("the lane: give a place on it, or its shade, one of the two")
-        twin = self._store.load().twin
-        if twin is None:
-            raise InputError("the lane: give the twin first")
-        lane = LaneChoice(shade=body.shade)
-        if body.at_px is not None:
-            lane = setup_track.lane_at(self._store.path(twin), body.at_px)
-        return self._store.change(lambda draft: draft.model_copy(update={"lane": lane}))
-
-    def _set_lines(self, body: LinesBody) -> Draft:
-        found = setup_steps.understood(self._store.load(), self._store.folder).track
-
-        def ends(line: LineBody | None, name: str) -> EndsPx | None:
-            if line is None:
-                return None
-            if (line.ends_px is None) == (line.at_px is None):
-                raise InputError(f"the line {name!r}: give its ends, or a place on the route, one of the two")
-            if line.at_px is None:
-                return line.ends_px
-            return setup_track.snapped(found, line.at_px, name=name, flipped=line.flipped)
-
-        sectors = tuple(ends(line, f"sector {k}") for k, line in enumerate(body.sectors, start=1))
-        lines = Lines(
-            start_px=ends(body.start, "start"),
-            finish_px=ends(body.finish, "finish"),
-            sectors_px=tuple(line for line in sectors if line is not None),
-        )
-        return self._store.change(lambda draft: draft.model_copy(update={"lines": lines}))
-
-    def _save(self, source: str | None) -> tuple[setup_save.Saved, Draft]:
-        draft = self._store.load()
-        known = setup_steps.understood(draft, self._store.folder)
-        saved = setup_save.save(known, self._folder, self._store, source=source)
-        return saved, self._store.saved(draft.revision)
-
-    def _sigma(self) -> bytes:
-        draft = self._store.load()
-        known = setup_steps.understood(draft, self._store.folder)
-        if draft.twin is None or draft.photo is None:
-            raise InputError("the sigma map: give the twin and take the picture first")
-        photo = setup_upload.decoded(self._store.path(draft.photo).read_bytes(), what="the camera's picture")
-        return sigma_picture(known.keypoints, known.metric_track, load_twin(self._store.path(draft.twin)), photo)
-
-    def _looked(self, jpeg: bytes) -> setup_look.PictureLook:
-        return setup_look.look_at(setup_upload.decoded(jpeg, what="the camera's picture"))
+        return Response(await self._alone(partial(setup_changes.sigma, self._store)), media_type="image/png")
 
     async def _change(self, change: Callable[[Draft], Draft]) -> Response:
         return await self._answer(partial(self._store.change, change))
@@ -322,20 +203,9 @@ class Setup:
         headers = {"ETag": etag, "Cache-Control": "private, no-cache"}
         if request.headers.get("if-none-match") == etag:
             return Response(status_code=304, headers=headers)
-        data = await run_in_threadpool(self._stored, stored)
+        data = await run_in_threadpool(setup_changes.stored_bytes, self._store, stored)
         kind = "image/png" if stored.file.endswith(".png") else "image/jpeg"
         return Response(data, media_type=kind, headers=headers)
-
-    def _stored(self, stored: StoredPicture) -> bytes:
-        try:
-            data = self._store.path(stored).read_bytes()
-        except OSError as error:
-            raise WorkError(
-                f"{stored.file}: cannot be read: {error.strerror or error}: give the picture anew"
-            ) from error
-        if hashlib.sha256(data).hexdigest() != stored.sha256:
-            raise WorkError(f"{stored.file}: is damaged: give the picture anew")
-        return data
 
 
 def endpoints(box: Box) -> tuple[Endpoint, ...]:
@@ -401,27 +271,3 @@ def _api(
 
 def _json(answer: BaseModel) -> Response:
     return JSONResponse(answer.model_dump(mode="json"))
-
-
-def _only_camera(pairs: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    """The pairs without their twin's points, for another twin."""
-    return tuple(Pair(name=pair.name, camera_px=pair.camera_px) for pair in pairs if pair.camera_px is not None)
-
-
-def _moved(pairs: tuple[Pair, ...], old: StoredPicture | None, new: StoredPicture) -> tuple[Pair, ...]:
-    """The pairs for a new picture: a smaller or larger one of one shape moves the clicks, another shape drops them."""
-    if old is None or (old.width_px, old.height_px) == (new.width_px, new.height_px):
-        return pairs
-    across, down = new.width_px / old.width_px, new.height_px / old.height_px
-    alike = abs(across - down) * max(new.width_px, new.height_px) < 2.0 * max(across, down)
-    return tuple(
-        Pair(
-            name=pair.name,
-            camera_px=None
-            if pair.camera_px is None or not alike
-            else (pair.camera_px[0] * across, pair.camera_px[1] * down),
-            twin_px=pair.twin_px,
-        )
-        for pair in pairs
-        if alike or pair.twin_px is not None
-    )
