@@ -19,12 +19,11 @@ from mcap.stream_reader import breakup_chunk
 
 from dnb_edge import wire
 from dnb_edge.errors import InputError
-from dnb_edge.record import protobuf
 from dnb_edge.record.chain import chain_of, read_head
 from dnb_edge.record.channels import IMAGE_NOTE_TOPIC, IMAGE_TOPIC, ImageNote
 from dnb_edge.record.durable import PART_SUFFIX
 from dnb_edge.record.names import pictures_files
-from dnb_edge.record.reader import COMPRESSED_IMAGE_DATA_FIELD
+from dnb_edge.record.reader import frame_of
 from dnb_edge.values import Frame
 
 NEAR_NS = 500_000_000
@@ -59,7 +58,7 @@ def _nearest(file: Path, t_ns: int, within_ns: int) -> Frame | None:
                     best is None or abs(note.t_ns - t_ns) < abs(best[0].t_ns - t_ns)
                 ):
                     best = note, message.data
-            return None if best is None else _frame(*best)
+            return None if best is None else frame_of(*best)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}") from error
     except (McapError, ValueError, TypeError, KeyError, struct.error) as error:
@@ -81,14 +80,3 @@ def _messages(stream: BinaryIO, first_ns: int, last_ns: int) -> Iterator[tuple[s
         for record in breakup_chunk(Chunk.read(ReadDataStream(stream))):
             if isinstance(record, Message) and record.channel_id in topics and first_ns <= record.log_time <= last_ns:
                 yield topics[record.channel_id], record
-
-
-def _frame(note: ImageNote, data: bytes) -> Frame:
-    return Frame(
-        sequence=note.sequence,
-        t_ns=note.t_ns,
-        stamp_source=note.stamp_source,
-        width_px=note.width_px,
-        height_px=note.height_px,
-        jpeg=protobuf.bytes_field(data, COMPRESSED_IMAGE_DATA_FIELD),
-    )

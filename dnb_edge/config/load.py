@@ -16,7 +16,7 @@ from dnb_edge.config.faults import explain
 from dnb_edge.config.paths import CommandLineText
 from dnb_edge.config.rules import NoSuchRules, RuleSet, load_rule_set, with_rules
 from dnb_edge.config.schema import DEFAULT_RULES, Config
-from dnb_edge.config.text import KeyPath, parse_lines, plain
+from dnb_edge.config.text import KeyPath, configuration_text, parse_lines, plain
 from dnb_edge.errors import InputError
 
 _RULES: KeyPath = ("rules",)
@@ -29,12 +29,7 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> Config:
 
     Raises `InputError` for a missing or unreadable file, bad YAML, an unknown or ill-typed key and a bad override.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InputError(f"{path}: cannot read the configuration: {reason}") from error
-    data, lines = parse_lines(path, text, what="the configuration")
+    data, lines = parse_lines(path, configuration_text(path), what="the configuration")
     return check_config(data, base=path.resolve().parent, overrides=overrides, origin=str(path), lines=lines)
 
 

@@ -55,6 +55,15 @@ MOST_VALUES = 100_000
 MOST_CHARACTERS = 4_000_000
 
 
+def configuration_text(path: Path) -> str:
+    """The text of the configuration file at `path`. Raises `InputError` for a missing or unreadable one."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"{path}: cannot read the configuration: {reason}") from error
+
+
 def plain(text: str, look: Callable[[yaml.Node], None] | None = None) -> Any:
     """The one document in `text` as plain data; None where there is none. `look` is shown its tree first.
 

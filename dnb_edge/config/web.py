@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from dnb_edge.config.faults import explain
 from dnb_edge.config.sections import STRICT, Number, Text, Whole
-from dnb_edge.config.text import KeyPath, parse_lines
+from dnb_edge.config.text import KeyPath, configuration_text, parse_lines
 from dnb_edge.errors import InputError
 
 
@@ -57,12 +57,7 @@ def load_web(path: Path) -> WebConfig:
 
     Raises `InputError` for a missing or unreadable file, bad YAML, and an unknown or ill-typed key of the section.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InputError(f"{path}: cannot read the configuration: {reason}") from error
-    data, lines = parse_lines(path, text, what="the configuration")
+    data, lines = parse_lines(path, configuration_text(path), what="the configuration")
 
     def where(key: KeyPath, _unknown: bool) -> str:
         found = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)

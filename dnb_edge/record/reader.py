@@ -276,19 +276,23 @@ def _header(path: Path, data: bytes) -> RunHeader:
         raise InputError(f"{path}: {error}") from error
 
 
-def _frame(path: Path, note: ImageNote, message: Message) -> Frame:
-    try:
-        jpeg = protobuf.bytes_field(message.data, COMPRESSED_IMAGE_DATA_FIELD)
-    except ValueError as error:
-        raise InputError(f"{path}: the picture at {message.log_time} ns is malformed: {error}") from error
+def frame_of(note: ImageNote, data: bytes) -> Frame:
+    """The recorded frame that `note` tells of, from its picture's message. Raises `ValueError` where that is malformed."""
     return Frame(
         sequence=note.sequence,
         t_ns=note.t_ns,
         stamp_source=note.stamp_source,
         width_px=note.width_px,
         height_px=note.height_px,
-        jpeg=jpeg,
+        jpeg=protobuf.bytes_field(data, COMPRESSED_IMAGE_DATA_FIELD),
     )
+
+
+def _frame(path: Path, note: ImageNote, message: Message) -> Frame:
+    try:
+        return frame_of(note, message.data)
+    except ValueError as error:
+        raise InputError(f"{path}: the picture at {message.log_time} ns is malformed: {error}") from error
 
 
 def _losses(metadata: dict[str, dict[str, str]]) -> tuple[int, tuple[str, ...]]:

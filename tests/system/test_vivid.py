@@ -11,6 +11,9 @@ from dnb_edge.display import protocol
 
 DRIVER = "/sys/bus/platform/drivers/vivid"
 
+# A node keeps its number for as long as a program holds it open: bound too soon, the camera would be /dev/video1.
+UNTIL_LET_GO = "while ls -l /proc/[0-9]*/fd 2>/dev/null | grep -q /dev/video0; do sleep 0.05; done"
+
 
 def names_the_camera(warn: protocol.Warn) -> bool:
     """Whether it is about the device: what is lost for want of time, or repeats itself, is told in other words."""
@@ -63,6 +66,7 @@ def test_a_device_that_disconnects_comes_back(watching, guest, logs):
     begun_s = time.monotonic()
     guest.run(f"echo vivid.0 > {DRIVER}/unbind")
     said_s, warning = watching.display.wait(protocol.Warn, names_the_camera, since_s=begun_s, timeout_s=PATIENCE_S)
+    guest.run(UNTIL_LET_GO)
     guest.run(f"echo vivid.0 > {DRIVER}/bind && udevadm settle && v4l2-ctl -d /dev/video0 -c timestamp_source=1")
     bound_s = time.monotonic()
     back_s = frames_come(watching, bound_s, timeout_s=PATIENCE_S)
