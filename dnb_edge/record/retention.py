@@ -1,4 +1,5 @@
-"""Which recordings go when room is short: the oldest finished ones, their pictures first, never a pinned or a live one.
+"""Which recordings go when room is short: the oldest finished ones, their pictures first, never a pinned or a live one, nor the
+last that was finished: a race whose result nobody has fetched yet must not make room for the next.
 
 Knows how the files of a run are called and what may be deleted. Only files with names that this software gives are ever
 touched: who renames a recording keeps it. What is decided is decided in `next_removal`, from values alone.
@@ -110,7 +111,8 @@ def next_removal(runs: Sequence[StoredRun], limits: Limits, room: Room) -> Remov
             return Removal(
                 name=run.name, pictures_only=True, files=run.pictures, size_bytes=run.pictures_bytes, why=why
             )
-    if not free:
+    last_finished = next((run.name for run in reversed(runs) if not run.live), None)
+    if not free or free[0].name == last_finished:
         return None
     oldest = free[0]
     return Removal(name=oldest.name, pictures_only=False, files=oldest.files, size_bytes=oldest.size_bytes, why=why)

@@ -74,14 +74,17 @@ def test_a_small_disk_keeps_a_tenth_free() -> None:
         ([stored("a"), stored("b")], Limits(keep_free_bytes=200 * MB), 251, []),
         ([stored("a"), stored("b")], Limits(keep_free_bytes=200 * MB), 249, ["a"]),
         ([stored("a"), stored("b"), stored("c")], Limits(keep_free_bytes=200 * MB), 60, ["a", "b"]),
-        ([stored("a", pinned=True), stored("b")], Limits(keep_free_bytes=200 * MB), 200, ["b"]),
-        ([stored("a", live=True), stored("b")], Limits(keep_free_bytes=200 * MB), 200, ["b"]),
+        ([stored("a", pinned=True), stored("b"), stored("c")], Limits(keep_free_bytes=200 * MB), 200, ["b"]),
+        ([stored("a", live=True), stored("b"), stored("c")], Limits(keep_free_bytes=200 * MB), 200, ["b"]),
+        ([stored("a"), stored("b"), stored("c", live=True)], Limits(keep_free_bytes=200 * MB), 1, ["a"]),
+        ([stored("a", pictures=MB)], Limits(keep_free_bytes=200 * MB), 1, ["a pictures"]),
+        ([stored("a"), stored("b", pinned=True)], Limits(keep_free_bytes=200 * MB), 1, ["a"]),
         ([stored("a", pinned=True), stored("b", live=True)], Limits(keep_free_bytes=200 * MB), 1, []),
         ([stored("a"), stored("b")], Limits(max_total_bytes=150 * MB), 9000, ["a"]),
         ([stored("a"), stored("b")], Limits(max_total_bytes=200 * MB), 9000, []),
         ([stored("a"), stored("b", pictures=50 * MB)], Limits(max_total_bytes=200 * MB), 9000, ["b pictures"]),
         (
-            [stored("a", pictures=1), stored("b", pictures=2)],
+            [stored("a", pictures=1), stored("b", pictures=2), stored("c")],
             Limits(keep_free_bytes=200 * MB),
             200,
             ["a pictures", "b pictures", "a"],
@@ -93,7 +96,8 @@ def test_a_small_disk_keeps_a_tenth_free() -> None:
 def test_the_oldest_go_first_and_pictures_before_them(
     runs: list[StoredRun], limits: Limits, free_mb: int, gone: list[str]
 ) -> None:
-    """What would go, in order, with a made-up disk: never what is pinned or live, and no more than is needed."""
+    """What would go, in order, with a made-up disk: never what is pinned, live or the last that was finished, and no more
+    than is needed."""
     removals = plan(runs, limits, Room(free_bytes=free_mb * MB, total_bytes=32_000 * MB))
     assert [f"{one.name} pictures" if one.pictures_only else one.name for one in removals] == gone
 
@@ -149,6 +153,7 @@ def test_a_dry_run_deletes_nothing(tmp_path: Path) -> None:
 def test_a_pin_keeps_a_run_for_ever(tmp_path: Path) -> None:
     """A pinned run stays whatever the limits; unpinned it goes. A name that is never deleted takes no pin."""
     path = make_run(tmp_path, 1, age_s=5)
+    make_run(tmp_path, 2, age_s=1)
     beside = pin(path)
     assert beside.name == "run-0badcafe-0001.pin"
     assert prune(tmp_path, Limits(max_total_bytes=1)) == []
@@ -169,6 +174,8 @@ def test_the_run_that_is_being_recorded_stays(tmp_path: Path) -> None:
     live.write(bytes(5000))
     (tmp_path / "run-0badcafe-0002.mcap.part").touch()
     make_run(tmp_path, 3, age_s=5, suffix=".part")
+    newest = make_run(tmp_path, 4, age_s=0)
+    os.utime(newest, (4e9, 4e9))
     assert [one.name for one in prune(tmp_path, Limits(max_total_bytes=1))] == ["run-0badcafe-0003"]
     live.abandon()
     assert [one.name for one in prune(tmp_path, Limits(max_total_bytes=1))] == ["run-0badcafe-0001"]
