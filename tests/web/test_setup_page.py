@@ -10,7 +10,8 @@ import pytest
 from playwright.sync_api import Page
 from running_box import chromium, opened
 from setup_rig import Daemon, pairs_of, png, view_of
-from web_box import app_in, codes, served
+from setup_taps import answer_of, logged_in, pairs_tapped, pictures_given, route_found, settled, tap
+from web_box import app_in, served
 
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
@@ -20,62 +21,12 @@ from dnb_edge.track.scale import TwinScale
 from dnb_edge.view.findings import find
 
 PHONE = {"width": 360, "height": 740}
-SIZES = {"camera": (1280, 720), "twin": (1200, 800)}
-
-
-def tap(page: Page, view: str, of: str, px: Any) -> None:
-    """Clicks at a place of the picture that is shown whole: px have their middle at whole numbers.
-
-    Playwright counts from within the canvas's rim."""
-    page.wait_for_selector("#setup[data-ready=yes]")
-    canvas = page.locator(f"#{view} canvas[data-shown=yes]")
-    canvas.scroll_into_view_if_needed()
-    box = canvas.bounding_box()
-    assert box is not None
-    (width, height), rim = SIZES[of], 1.0
-    inner = box["width"] - 2 * rim, box["height"] - 2 * rim
-    scale = min(inner[0] / width, inner[1] / height)
-    x, y = (inner[k] / 2 + (px[k] + 0.5 - size / 2) * scale for k, size in enumerate((width, height)))
-    canvas.click(position={"x": x, "y": y})
-
-
-def settled(page: Page, step: str, state: str = "good") -> None:
-    """Waits until the box has said that a step is done."""
-    page.wait_for_selector(f"#{step} .state.notice--{state}")
-    page.wait_for_selector("#setup[data-ready=yes]")
-
-
-def logged_in(page: Page, port: int) -> None:
-    with codes() as heard:
-        page.goto(f"http://127.0.0.1:{port}/login?next=/setup")
-    page.get_by_label("code").fill(heard[-1])
-    page.keyboard.press("Enter")
-    page.wait_for_selector(".setup-bar")
-
-
-def pictures_given(page: Page, twin: Path) -> None:
-    page.get_by_role("button", name="Take the picture").click()
-    settled(page, "aim")
-    page.locator("#next").click()
-    page.set_input_files("#twin-file", twin)
-    settled(page, "twin")
-    page.locator("#next").click()
-
-
-def route_found(page: Page, on_lane_px: tuple[float, float], metres_per_px: float) -> None:
-    tap(page, "route-view", "twin", on_lane_px)
-    page.wait_for_selector('#lane-said:has-text("The lane:")')
-    page.select_option("#scale-kind", "px")
-    page.fill("#scale-value", str(metres_per_px))
-    page.locator("#scale-keep").click()
-    settled(page, "route")
-    page.locator("#next").click()
+DESK = {"width": 1920, "height": 1080}
+CAMERA, TWIN = (1280, 720), (1200, 800)
 
 
 def keypoints_tapped(page: Page, pairs: list[dict[str, Any]]) -> None:
-    for pair in pairs:
-        tap(page, "camera-view", "camera", pair["camera_px"])
-        tap(page, "keypoint-twin-view", "twin", pair["twin_px"])
+    pairs_tapped(page, CAMERA, TWIN, pairs)
     settled(page, "keypoints")
     tapped_u = last_twin_u(page)
     for key in ("ArrowRight", "Shift+ArrowRight"):
@@ -91,8 +42,7 @@ def keypoints_tapped(page: Page, pairs: list[dict[str, Any]]) -> None:
 
 def last_twin_u(page: Page) -> float:
     """Where the box has the last keypoint on the twin, px to the right."""
-    draft = page.evaluate("fetch('/api/v1/setup').then((answer) => answer.json())")["draft"]
-    return float(draft["pairs"][-1]["twin_px"][0])
+    return float(answer_of(page)["draft"]["pairs"][-1]["twin_px"][0])
 
 
 def test_whole_way_by_taps(tmp_path: Path) -> None:
@@ -106,9 +56,9 @@ def test_whole_way_by_taps(tmp_path: Path) -> None:
         page, wrong = opened(browser, viewport=PHONE)
         logged_in(page, port)
         pictures_given(page, tmp_path / "twin.png")
-        route_found(page, (middle[0], middle[1] - 40), rig.metres_per_px)
+        route_found(page, TWIN, (middle[0], middle[1] - 40), rig.metres_per_px)
         keypoints_tapped(page, pairs)
-        tap(page, "start-view", "twin", middle)
+        tap(page, "start-view", TWIN, middle)
         settled(page, "start")
         for step in ("aim", "route", "keypoints", "save"):
             page.goto(f"http://127.0.0.1:{port}/setup#{step}")
@@ -126,3 +76,42 @@ def test_whole_way_by_taps(tmp_path: Path) -> None:
     own = find(kept, scale, size_px=(1280, 720), say=str).fit.calibration.ground.camera_to_twin
     assert config.view.calibration is not None
     assert load_calibration(config.view.calibration).ground.camera_to_twin == pytest.approx(own, rel=1e-9)
+
+
+def test_papers_photograph_by_taps(real_dir: Path, tmp_path: Path) -> None:
+    """On a desk's screen, with the paper's own photograph, twin and keypoints: the way ends in a saved configuration that the
+    command line takes, the poor keypoints are told, and the map is the command line's for these taps."""
+    files = real_dir / "drivenetbench"
+    photo_px, twin_px = (3840, 2160), (2537, 2540)
+    camera, twin = (np.load(files / f"keypoints_from_{side}.npy").tolist() for side in ("camera", "diagram"))
+    pairs = [{"camera_px": a, "twin_px": b} for a, b in zip(camera, twin, strict=True)]
+    daemon = Daemon((files / "photo.jpg").read_bytes(), size_px=photo_px)
+    with served(app_in(tmp_path, daemon=daemon)) as port, chromium() as browser:
+        page, wrong = opened(browser, viewport=DESK)
+        logged_in(page, port)
+        pictures_given(page, files / "digital-twin.jpg")
+        route_found(page, twin_px, (1859, 60), 0.0015)
+        pairs_tapped(page, photo_px, twin_px, pairs)
+        settled(page, "keypoints", "bad")
+        assert "mm" in page.locator("#keypoints .state").inner_text()
+        page.fill("#limit", "60")
+        page.locator("#limit").blur()
+        settled(page, "keypoints")
+        said = answer_of(page)["keypoints"]
+        page.locator("#next").click()
+        tap(page, "start-view", twin_px, (1859, 116))
+        settled(page, "start")
+        page.goto(f"http://127.0.0.1:{port}/setup#save")
+        page.locator("#save-now").click()
+        settled(page, "save")
+        page.goto("about:blank")
+        assert wrong == []
+    assert said["mean_px"] == pytest.approx(26.7, abs=0.5)
+    config = load_config(tmp_path / "setup" / "dnb-edge.yaml")
+    kept = load_yaml_pairs(next((tmp_path / "setup").glob("keypoints-*.yaml")))
+    # Half a px of the screen, on which the 3840 px stand in some 850.
+    assert np.abs(kept.camera_array() - camera).max() < 2.5
+    own = find(kept, TwinScale(metres_per_px=0.0015, height_px=float(twin_px[1])), size_px=photo_px, say=str)
+    assert config.view.calibration is not None
+    calibration = load_calibration(config.view.calibration)
+    assert calibration.ground.camera_to_twin == pytest.approx(own.fit.calibration.ground.camera_to_twin, rel=1e-9)

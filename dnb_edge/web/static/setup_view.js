@@ -2,7 +2,8 @@
 // Knows a canvas and px of its picture (u right, v down, whole numbers in the middle of a px, as everywhere in dnb-edge);
 // knows nothing of what the markers mean.
 
-const REACH_CSS_PX = 22;
+// Within which a press takes hold of a thing; a finger is wider than a mouse's tip.
+const REACH_CSS_PX = 22, MOUSE_REACH_CSS_PX = 10;
 const LOUPE_CSS_PX = 116;
 const LOUPE_TIMES = 3;
 const MOST_ZOOM = 24;
@@ -190,7 +191,7 @@ export class PictureView {
     }
     this.#moved = false;
     const pan = event.button !== 0;
-    const item = pan ? null : this.#itemAt(at);
+    const item = pan ? null : this.#itemAt(at, event.pointerType === "mouse" ? MOUSE_REACH_CSS_PX : REACH_CSS_PX);
     if (item !== null) {
       const place = this.#toCss(middle(item).map((x) => x + 0.5));
       this.#grab = { kind: "item", id: item.id, offset: [place[0] - at[0], place[1] - at[1]], from: at };
@@ -319,8 +320,8 @@ export class PictureView {
 
   #say(text) { this.#said.textContent = text; }
 
-  #itemAt(at) {
-    let best = null, least = REACH_CSS_PX;
+  #itemAt(at, reach) {
+    let best = null, least = reach;
     for (const item of this.#items) {
       if (item.id === undefined) continue;
       const ends = item.kind === "point" ? [item.at, item.at] : item.points;
