@@ -18,13 +18,13 @@ from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge
 from dnb_edge.core import Core
 from dnb_edge.daemon.catchup import ResumedCore
 from dnb_edge.daemon.feed import FrameFeed
-from dnb_edge.daemon.machine import MachineState
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.progress import Progress
 from dnb_edge.daemon.sinks import Sink
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
+from dnb_edge.machine.state import MachineState
 from dnb_edge.record.writer import Recorder
 from dnb_edge.values import (
     BgrImage,

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 from dnb_edge.capture.picture_health import REMEDIES, PictureFault
 from dnb_edge.daemon.losses import GAP, QUEUE, STAMP, UNREADABLE, added, since
-from dnb_edge.daemon.machine import NOTHING_KNOWN, MachineJudge, MachineState
+from dnb_edge.daemon.machine import MachineJudge
 from dnb_edge.daemon.spread import Spread
+from dnb_edge.machine.state import NOTHING_KNOWN, MachineState
 from dnb_edge.values import Frame, Health, LostFrames, Observation
 
 PERIOD_NS = 1_000_000_000

@@ -26,10 +26,10 @@ from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.daemon import appliance
 from dnb_edge.daemon import feed as feed_module
-from dnb_edge.daemon.machine import read_machine
 from dnb_edge.daemon.sinks import LiveJsonSink
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
 from dnb_edge.errors import TemporaryFault
+from dnb_edge.machine.state import read_machine
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import (
     Clock,

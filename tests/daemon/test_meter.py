@@ -3,8 +3,8 @@
 import pytest
 from played import frame
 
-from dnb_edge.daemon.machine import MachineState
 from dnb_edge.daemon.meter import Meter
+from dnb_edge.machine.state import MachineState
 from dnb_edge.values import LostFrames, Observation
 
 
