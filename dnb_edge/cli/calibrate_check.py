@@ -17,13 +17,13 @@ import typer
 from numpy.typing import NDArray
 
 from dnb_edge.assembly import assemble, make_source
+from dnb_edge.assembly.pictures import calibrated_picture, in_size
 from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.photograph import read_photograph
 from dnb_edge.cli.run import ConfigFile, Override
 from dnb_edge.cli.run_means import load_run_config
 from dnb_edge.config.schema import Config
-from dnb_edge.daemon.drift import calibrated_picture, in_size
 from dnb_edge.errors import InputError, WorkError
 from dnb_edge.view.drift import TOO_LITTLE
 from dnb_edge.view.drift_judge import DriftJudge, DriftSettings, Look, Verdict, watched_track

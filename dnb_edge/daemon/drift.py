@@ -1,18 +1,14 @@
 """The drift watch of one run: with the picture of the calibration where there is one, else with the run's first seconds.
 
-Knows where the configuration keeps what the watch needs. Knows nothing of patches and motions.
+Knows what the watch needs of the configuration. Knows nothing of patches and motions.
 """
 
 from __future__ import annotations
 
-import cv2
-import numpy as np
-
-from dnb_edge.config.calibration_file import load_calibration, reference_picture
+from dnb_edge.assembly.pictures import calibrated_picture
 from dnb_edge.config.schema import ViewConfig
 from dnb_edge.core import CoreSetup
-from dnb_edge.errors import InputError
-from dnb_edge.values import BgrImage, SourceInfo
+from dnb_edge.values import SourceInfo
 from dnb_edge.view.drift import DriftWatch
 from dnb_edge.view.drift_judge import watched_track
 
@@ -21,24 +17,3 @@ def make_watch(view: ViewConfig, setup: CoreSetup, info: SourceInfo) -> DriftWat
     """The watch over one source's pictures. Raises `InputError` where the calibration's picture is missing or another one."""
     watched = watched_track(setup.ground, setup.track.centreline.points_m)
     return DriftWatch(watched, reference=calibrated_picture(view, info))
-
-
-def calibrated_picture(view: ViewConfig, info: SourceInfo) -> BgrImage | None:
-    """The picture that was taken when the view was calibrated, in the size of the source's frames; None where none was kept."""
-    if view.calibration is None:
-        return None
-    picture = reference_picture(view.calibration, load_calibration(view.calibration))
-    return None if picture is None else in_size(picture, info.width_px, info.height_px, name=str(view.calibration))
-
-
-def in_size(picture: BgrImage, width_px: int, height_px: int, *, name: str) -> BgrImage:
-    """The picture in the size of the frames. Raises `InputError` naming it where its aspect ratio is another."""
-    height, width = picture.shape[:2]
-    if abs(height * width_px / width - height_px) >= 2.0:
-        raise InputError(
-            f"{name}: its picture is {width}x{height}, frames are {width_px}x{height_px}: use the same camera"
-        )
-    if (width, height) == (width_px, height_px):
-        return picture
-    way = cv2.INTER_AREA if width > width_px else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(picture, (width_px, height_px), interpolation=way), dtype=np.uint8)

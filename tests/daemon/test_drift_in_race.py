@@ -12,11 +12,11 @@ import pytest
 from played import Clip, Panel, Watcher, info
 
 from dnb_edge.assembly import assemble
+from dnb_edge.assembly.pictures import in_size
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.core import Core, CoreSetup
-from dnb_edge.daemon.drift import in_size
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.meter import Meter
