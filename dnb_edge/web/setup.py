@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from dnb_edge.web import setup_changes, setup_save, setup_steps, setup_upload
+from dnb_edge.web import setup_changes, setup_save, setup_steps, setup_teach, setup_upload
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, SMALL_BODY_BYTES, Access, Endpoint, Handler, Method, Refused
 from dnb_edge.web.setup_draft import (
@@ -36,9 +36,9 @@ from dnb_edge.web.setup_models import (
     RouteBody,
     SaveAnswer,
     SetupAnswer,
+    TeachAnswer,
     VersionQuery,
 )
-from dnb_edge.web.setup_teach import Teacher
 
 SETUP = f"{API}/setup"
 _IMAGES = ("image/png", "image/jpeg")
@@ -129,6 +129,26 @@ class Setup:
         """PUT /api/v1/setup/lines."""
         return await self._answer(partial(setup_changes.set_lines, self._store, request.state.body))
 
+    async def teach(self, request: Request) -> Response:
+        """GET /api/v1/setup/teach."""
+        del request
+        return _json(await run_in_threadpool(setup_teach.how, self._box.settings.runs, self._folder))
+
+    async def upload_card(self, request: Request) -> Response:
+        """PUT /api/v1/setup/model/card: what `dnb-edge teach` wrote beside the model, before the model."""
+        data = await request.body()
+        return await self._answer(partial(setup_teach.keep_card, self._store, data))
+
+    async def upload_model(self, request: Request) -> Response:
+        """PUT /api/v1/setup/model."""
+        data = await request.body()
+        return await self._answer(partial(setup_teach.keep_model, self._store, data))
+
+    async def forget_model(self, request: Request) -> Response:
+        """DELETE /api/v1/setup/model."""
+        del request
+        return await self._answer(partial(setup_teach.forget_model, self._store))
+
     async def save(self, request: Request) -> Response:
         """POST /api/v1/setup/save."""
         del request
@@ -211,7 +231,6 @@ class Setup:
 def endpoints(box: Box) -> tuple[Endpoint, ...]:
     """The set-up's page and its part of the API."""
     setup = Setup(box)
-    teacher = Teacher(box.settings)
     upload = partial(_api, body_types=_IMAGES)
     picture = partial(_api, answer=None, query=VersionQuery)
     return (
@@ -239,7 +258,22 @@ def endpoints(box: Box) -> tuple[Endpoint, ...]:
         picture("GET", "/sigma.png", setup.sigma, "How sure a position is, over twin and picture"),
         _api("PUT", "/lines", setup.lines, "The start, finish and sector lines", body=LinesBody),
         _api("POST", "/save", setup.save, "Put the set-up in place and race with it", answer=SaveAnswer),
-        *teacher.endpoints(SETUP),
+        _api("GET", "/teach", setup.teach, "How to teach the detector one's own car", answer=TeachAnswer),
+        _api(
+            "PUT",
+            "/model/card",
+            setup.upload_card,
+            "Give the card of a taught model, before the model itself",
+            body_types=("application/octet-stream",),
+        ),
+        _api(
+            "PUT",
+            "/model",
+            setup.upload_model,
+            "Give a model (ONNX) that finds the car",
+            body_types=("application/octet-stream",),
+        ),
+        _api("DELETE", "/model", setup.forget_model, "Back to the model that came with the box"),
     )
 
 

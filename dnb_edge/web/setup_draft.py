@@ -54,6 +54,20 @@ class StoredPicture(Part):
     """Whether the box's own camera took it; then frames have its size."""
 
 
+class StoredModel(Part):
+    """A detector's model in the draft's directory."""
+
+    file: Annotated[str, Field(pattern=r"^model-[0-9a-f]{16}\.onnx$")]
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    with_card: bool
+    """Whether its card lies beside it, under the same name with .json: our own networks have one."""
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The names of all its files."""
+        return (self.file, *((f"{self.file.removesuffix('.onnx')}.json",) if self.with_card else ()))
+
+
 class CameraChoice(Part):
     """What is asked of the camera; None leaves it as it is."""
 
@@ -159,6 +173,8 @@ class Draft(Part):
     limit_mm: Positive = 20.0
     """Mean error of the keypoints above which laps are not scored, mm on the floor."""
     lines: Lines = Lines()
+    model: StoredModel | None = None
+    """What finds the car; None for the model that came with the box."""
     saved_revision: Whole | None = None
     """The revision that was last put in place; None before the first time."""
 
@@ -223,9 +239,13 @@ class DraftStore:
             height_px=upload.height_px,
             from_camera=from_camera,
         )
-        self._make_folder()
-        _written(self.folder / stored.file, upload.data)
+        self.write(stored.file, upload.data)
         return stored
+
+    def write(self, name: str, data: bytes) -> None:
+        """Stores a file that a later change of the draft may name. Raises `WorkError` where the disk refuses."""
+        self._make_folder()
+        _written(self.folder / name, data)
 
     def path(self, picture: StoredPicture) -> Path:
         """Where the picture lies."""
@@ -235,6 +255,7 @@ class DraftStore:
         self._make_folder()
         _written(self._path, draft.model_dump_json(indent=1).encode())
         named = {picture.file for picture in (draft.photo, draft.twin) if picture is not None}
+        named |= set() if draft.model is None else set(draft.model.files)
         for path in self.folder.glob("*-????????????????.*"):
             if path.name not in named:
                 path.unlink(missing_ok=True)

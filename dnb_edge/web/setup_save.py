@@ -24,13 +24,13 @@ from dnb_edge.errors import InputError, WorkError
 from dnb_edge.report.files import write_whole
 from dnb_edge.values import Clock, SourceInfo
 from dnb_edge.view.calibration import InputFile
-from dnb_edge.web.setup_draft import Draft, DraftStore, StoredPicture
+from dnb_edge.web.setup_draft import Draft, DraftStore, StoredModel, StoredPicture
 from dnb_edge.web.setup_steps import Understood, unready
 
 CONFIG = "dnb-edge.yaml"
 BACKUP = f"{CONFIG}.bak"
 _TRIED = "dnb-edge.new.yaml"
-_OURS = re.compile(r"(?:twin|view|keypoints|reference)-[0-9a-f]{16}\.(?:png|jpg|yaml)")
+_OURS = re.compile(r"(?:twin|view|keypoints|reference|model)-[0-9a-f]{16}\.(?:png|jpg|yaml|onnx|json)")
 _HEAD = (
     "# Written by the set-up page. What stands outside of track, view and capture may be changed by hand and stays.\n"
 )
@@ -71,8 +71,10 @@ def save(known: Understood, setup: Path, store: DraftStore, *, source: str | Non
         notes=found.notes,
     )
     view = _put(setup, "view", ".yaml", calibration_file(calibration))
+    models = _put_model(setup, store, draft.model)
     before, note = _before(setup / CONFIG)
     config = {**before, **_sections(draft, track.scale.metres_per_px, twin.name, view.name, source, before)}
+    config = {**config, **_detector(draft.model, before)}
     text = _HEAD + yaml.safe_dump(config, sort_keys=False, allow_unicode=True, width=128)
     _try(setup, text, draft.photo)
     old = _text(setup / CONFIG)
@@ -80,7 +82,7 @@ def save(known: Understood, setup: Path, store: DraftStore, *, source: str | Non
         _write(setup / BACKUP, old)
     _write(setup / CONFIG, text.encode())
     _sweep(setup)
-    files = (CONFIG, twin.name, view.name, keypoints.name, reference.name)
+    files = (CONFIG, twin.name, view.name, keypoints.name, reference.name, *models)
     return Saved(config=setup / CONFIG, files=files, note=note)
 
 
@@ -122,6 +124,29 @@ def _sections(
         "view": {"calibration": view, "max_mean_error_m": draft.limit_mm / 1000.0, **height},
     }
     return sections | ({"capture": capture} if capture else {})
+
+
+def _put_model(setup: Path, store: DraftStore, model: StoredModel | None) -> tuple[str, ...]:
+    """Copies the model's files under their names, which hold the model's hash; their names."""
+    names = () if model is None else model.files
+    for name in names:
+        data = _text(store.folder / name)
+        if data is None:
+            raise InputError("the model of the draft is gone from the box's disk: give it anew")
+        _write(setup / name, data)
+    return names
+
+
+def _detector(model: StoredModel | None, before: dict[str, Any]) -> dict[str, Any]:
+    """The section `detector` where the set-up has a say in it: a model that was given, or one of ours that is not any more."""
+    own = before.get("detector")
+    detector = dict(own) if isinstance(own, dict) else {}
+    if model is not None:
+        return {"detector": detector | {"model": model.file}}
+    if _OURS.fullmatch(str(detector.get("model"))) is None:
+        return {}
+    del detector["model"]
+    return {"detector": detector}
 
 
 def _plain(value: Any) -> Any:
@@ -189,6 +214,7 @@ def _sweep(setup: Path) -> None:
     """Deletes files of ours that neither the configuration nor the one before needs."""
     told = b"".join(_text(path) or b"" for path in (setup / CONFIG, setup / BACKUP))
     named = set(_OURS.findall(told.decode(errors="replace")))
+    named |= {f"{name.removesuffix('.onnx')}.json" for name in named if name.endswith(".onnx")}
     views = b"".join(_text(setup / name) or b"" for name in named if name.endswith(".yaml"))
     named |= set(_OURS.findall(views.decode(errors="replace")))
     for path in setup.iterdir():

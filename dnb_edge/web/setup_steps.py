@@ -136,7 +136,13 @@ def _states(known: Understood, *, configured: bool) -> list[tuple[StepState, str
     else:
         save = "open", "Changed since it was saved: save again" if saved else "Ready to save"
     drive: tuple[StepState, str] = ("open", "Drive a lap and see whether the car is found" if saved else "Save first")
-    return [*_needed(known), save, drive, ("open", "Only where the car is not found well enough")]
+    return [*_needed(known), save, drive, _teach(draft)]
+
+
+def _teach(draft: Draft) -> tuple[StepState, str]:
+    if draft.model is None:
+        return "open", "Only where the car is not found well enough"
+    return "done", "A model of your own finds the car, once it is saved"
 
 
 def _needed(known: Understood) -> list[tuple[StepState, str]]:

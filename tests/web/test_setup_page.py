@@ -16,6 +16,7 @@ from web_box import app_in, served
 from dnb_edge.config.calibration_file import load_calibration
 from dnb_edge.config.keypoints import load_yaml_pairs
 from dnb_edge.config.load import load_config
+from dnb_edge.detect.onnx import default_model_path
 from dnb_edge.sim.rig import Rig
 from dnb_edge.track.scale import TwinScale
 from dnb_edge.view.findings import find
@@ -47,7 +48,7 @@ def last_twin_u(page: Page) -> float:
 
 def test_whole_way_by_taps(tmp_path: Path) -> None:
     """On a telephone's width, from aiming to a saved configuration: what is tapped is what is kept to a fraction of a px, the
-    map is the command line's for these taps, keys nudge, undo takes back, and nothing breaks the page's rules."""
+    map is the command line's for these taps, keys nudge, undo takes back, a taught model is taken, and nothing breaks the page's rules."""
     rig = Rig(seed=1, laps=1)
     (tmp_path / "twin.png").write_bytes(png(rig.twin))
     (u0, v0), (u1, v1) = rig.start_line_px
@@ -64,11 +65,17 @@ def test_whole_way_by_taps(tmp_path: Path) -> None:
             page.goto(f"http://127.0.0.1:{port}/setup#{step}")
             page.wait_for_selector("#setup[data-ready=yes]")
             assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"], step
+        page.goto(f"http://127.0.0.1:{port}/setup#teach")
+        model = default_model_path()
+        page.set_input_files("#model-files", [model, model.with_suffix(".json")])
+        settled(page, "teach")
+        page.goto(f"http://127.0.0.1:{port}/setup#save")
         page.locator("#save-now").click()
         settled(page, "save")
         page.goto("about:blank")
         assert wrong == []
     config = load_config(tmp_path / "setup" / "dnb-edge.yaml")
+    assert config.detector.model is not None
     kept = load_yaml_pairs(next((tmp_path / "setup").glob("keypoints-*.yaml")))
     assert np.abs(kept.camera_array() - [pair["camera_px"] for pair in pairs]).max() < 0.2
     assert np.abs(kept.twin_array() - [pair["twin_px"] for pair in pairs]).max() < 0.2

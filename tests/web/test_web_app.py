@@ -47,6 +47,9 @@ change PUT    /api/v1/setup/keypoints
 change PUT    /api/v1/setup/lane
 change PUT    /api/v1/setup/lines
 change GET    /api/v1/setup/look
+change DELETE /api/v1/setup/model
+change PUT    /api/v1/setup/model
+change PUT    /api/v1/setup/model/card
 change POST   /api/v1/setup/photo
 change PUT    /api/v1/setup/photo
 change GET    /api/v1/setup/picture.jpg

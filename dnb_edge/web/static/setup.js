@@ -1,6 +1,6 @@
 // The set-up's page: its steps, what the box answered last, and what belongs to several steps. Each step has its own module.
 
-import { ask } from "./setup_api.js";
+import { ask, sendBytes } from "./setup_api.js";
 import { aimStep } from "./setup_aim.js";
 import { driveStep } from "./setup_drive.js";
 import { keypointsStep } from "./setup_keypoints.js";
@@ -133,7 +133,21 @@ function saveStep() {
 }
 
 function teachStep() {
+  byId("model-files").addEventListener("change", async (event) => {
+    const files = [...event.target.files];
+    const card = files.find((file) => file.name.endsWith(".json")), model = files.find((file) => file.name.endsWith(".onnx"));
+    if (model === undefined) setup.trouble("Choose the model, a file that ends in .onnx, and its card, the .json beside it.");
+    else {
+      await setup.change(async () => {
+        if (card !== undefined) await sendBytes("model/card", card);
+        return sendBytes("model", model);
+      });
+    }
+    event.target.value = "";
+  });
+  byId("model-forget").addEventListener("click", () => setup.change(() => ask("DELETE", "model")));
   return {
+    render(answer) { byId("model-forget").hidden = answer.draft.model === null; },
     async enter() {
       try {
         const told = await ask("GET", "teach");

@@ -20,6 +20,11 @@ export async function send(path, file) {
   return answered(path, { method: "PUT", headers: { "Content-Type": kindOf(file) }, body: file });
 }
 
+/** Any other file as it is. */
+export async function sendBytes(path, file) {
+  return answered(path, { method: "PUT", headers: { "Content-Type": "application/octet-stream" }, body: file });
+}
+
 async function answered(path, wanted) {
   const token = document.querySelector('meta[name="csrf"]')?.content ?? "";
   let answer;
