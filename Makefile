@@ -24,7 +24,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train fuzz screenshots aarch64-check system-test lock clean
+.PHONY: help demo test lint format train docs docs-pages docs-links fuzz screenshots aarch64-check system-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
@@ -54,6 +54,19 @@ format: .venv/.test-installed ## Format the code and mend what ruff can mend
 train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see TORCH_INDEX above)
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
+
+docs: .venv/.docs-installed ## The documentation as a site in build/site, to be read without a network; every inside link is checked
+	$(call say,sphinx-build)
+	@rm -rf build/site
+	@$(BIN)/sphinx-build -q -W --keep-going -c docs -d build/site-doctrees . build/site
+	@$(BIN)/python docs/tools/check_site.py build/site --outside build/site-outside-links.txt
+
+docs-pages: .venv/.docs-installed ## Write the pages that are made from code: config.md, commands.md, troubleshooting.md
+	@$(BIN)/python docs/tools/write_pages.py
+
+docs-links: .venv/.docs-installed ## Try the documentation's links to other sites (needs a network)
+	$(call say,sphinx-build -b linkcheck)
+	@$(BIN)/sphinx-build -q -b linkcheck -c docs -d build/site-doctrees . build/site-links
 
 fuzz: .venv/.test-installed ## 100 000 damaged recordings, configurations, calibrations and model cards (a quarter of an hour)
 	$(call say,tests/fuzz/fuzz.py)
