@@ -10,11 +10,11 @@ import importlib.util
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
@@ -24,6 +24,7 @@ from dnb_edge.assembly import check_checkpoint, source_of
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.capture.v4l2_nodes import first_camera, known_cameras
 from dnb_edge.config.devices import CaptureConfig, DisplayConfig
+from dnb_edge.config.document import first_fault
 from dnb_edge.config.load import load_config
 from dnb_edge.config.schema import Config
 from dnb_edge.config.text import plain
@@ -133,9 +134,16 @@ class RunMeans:
             raise InputError(f"no source is named, and {known_cameras()}: plug one in, or give --source")
         return f"v4l2:{camera}"
 
-    def open_camera(self, uri: str) -> FrameSource:
-        """That source, open, a camera with the settings of the configuration, as far as that can be read."""
-        return source_of(uri, self._capture())
+    def open_camera(self, uri: str, asked: Mapping[str, Any] | None = None) -> FrameSource:
+        """That source, open, a camera with the settings of the configuration, as far as that can be read, and `asked` over
+        them. Raises `InputError`."""
+        capture = self._capture()
+        if asked:
+            try:
+                capture = CaptureConfig.model_validate({**capture.model_dump(), **asked})
+            except ValidationError as error:
+                raise InputError(f"the camera's settings: {first_fault(error)}") from error
+        return source_of(uri, capture)
 
     @contextmanager
     def displays(self, *, terminal: bool) -> Iterator[Sequence[Display]]:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import logging
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.daemon.aim import Board, give_pictures
@@ -40,6 +40,10 @@ BUILD_S = 60.0
 log = logging.getLogger(__name__)
 
 
+Asked: TypeAlias = Mapping[str, Any]
+"""Keys of the configuration's section `capture`."""
+
+
 class Means(Protocol):
     """What needs files, options and devices to be known."""
 
@@ -49,8 +53,8 @@ class Means(Protocol):
     def camera_uri(self) -> str:
         """The source to open where there is no run. Raises `InputError` where there is none."""
 
-    def open_camera(self, uri: str) -> FrameSource:
-        """That source, open."""
+    def open_camera(self, uri: str, asked: Asked | None = None) -> FrameSource:
+        """That source, open; `asked` of it over what the configuration asks. Raises `InputError` where that cannot be."""
 
     def displays(self, *, terminal: bool) -> AbstractContextManager[Sequence[Display]]:
         """The displays, where there is no run."""
@@ -98,7 +102,7 @@ class Conductor:
         while not self._orders.quits:
             if wish.aim:
                 self._orders.aims = True
-                self._aim()
+                self._aim(wish.camera)
                 self._orders.aims = False
             else:
                 over = self._race(wish)
@@ -169,22 +173,33 @@ class Conductor:
         else:
             self._fault(reason)
 
-    def _aim(self) -> None:
-        self._pictures(State(phase=Phase.SETUP), _BEING_SET_UP, terminal=True, until=lambda: False)
+    def _aim(self, asked: Asked | None) -> None:
+        state = State(phase=Phase.SETUP)
+        self._pictures(state, _BEING_SET_UP, terminal=True, until=lambda: False, asked=asked)
 
-    def _pictures(self, state: State, board: BoardState, *, terminal: bool, until: Callable[[], bool]) -> None:
+    def _pictures(
+        self,
+        state: State,
+        board: BoardState,
+        *,
+        terminal: bool,
+        until: Callable[[], bool],
+        asked: Asked | None = None,
+    ) -> None:
         """Pictures only, until somebody wishes something else or `until()` holds; a fault is told where no camera is there."""
+        wanted = {} if asked is None else dict(asked)
+        named = wanted.pop("source", None)
         try:
-            uri = self._means.camera_uri()
+            uri = self._means.camera_uri() if named is None else str(named)
             with self._means.displays(terminal=terminal) as displays:
                 going = True
                 while going:
-                    source = self._means.open_camera(uri)
+                    source = self._means.open_camera(uri, wanted)
                     self._server.show(replace(state, source=uri))
                     self._orders.done()
                     going = not give_pictures(
                         source,
-                        self._means.open_camera,
+                        lambda again: self._means.open_camera(again, wanted),
                         self._server,
                         self._notifier,
                         Board(displays, board, self._notices, logs=not terminal),

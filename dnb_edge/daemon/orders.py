@@ -6,8 +6,9 @@ Knows orders and answers. Knows no run and no camera: who fulfils a wish says so
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from dnb_edge.daemon.notices import Notices
 from dnb_edge.errors import InputError
@@ -23,6 +24,8 @@ class Wish:
     """True for pictures only, False for a race."""
     entry: str | None = None
     """Who or what drives; None for the configuration's own."""
+    camera: Mapping[str, Any] | None = None
+    """What is asked of the camera while it is aimed, over the configuration's section `capture`."""
     resumes: bool = False
     """Whether the race may go on with one that was cut short: never where somebody asks for another one."""
 
@@ -82,11 +85,11 @@ class Orders:
             case ShowText():
                 self._notices.show(order.text, order.for_s)
                 reply(None)
-            case AimCamera() if self.aims if order.aim else self.races:
+            case AimCamera() if order.camera is None and (self.aims if order.aim else self.races):
                 reply(None if self._reply is None else _UNDER_WAY)
             case AimCamera():
                 if self._is_free(reply):
-                    self._want(Wish(aim=order.aim))
+                    self._want(Wish(aim=order.aim, camera=order.camera))
             case NewRun():
                 if self._is_free(reply):
                     threading.Thread(target=self._new_run, args=(order,), name="check", daemon=True).start()

@@ -156,6 +156,9 @@ class AimCamera:
 
     ask: int
     aim: bool
+    camera: dict[str, Any] | None = None
+    """What to ask of the camera meanwhile, so that people see what it does: keys of the configuration's section `capture`, over
+    those that it has; None for those alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -241,7 +241,7 @@ def _order(number: int, what: dict[str, Any]) -> ToDaemon:
         case {"new_run": True}:
             return NewRun(ask=number, entry=what.get("entry"))
         case {"aim": bool(aim)}:
-            return AimCamera(ask=number, aim=aim)
+            return AimCamera(ask=number, aim=aim, camera=what.get("camera"))
         case {"show": str(text), "for_s": float(for_s)}:
             return ShowText(ask=number, text=text, for_s=for_s)
     raise ValueError(f"the daemon cannot be asked for {what}")

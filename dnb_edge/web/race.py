@@ -15,6 +15,7 @@ from dnb_edge import __version__
 from dnb_edge.live.messages import State
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, Access, Endpoint
+from dnb_edge.web.setup_draft import CameraChoice
 
 PICTURE_WAIT_S = 5.0
 
@@ -48,6 +49,9 @@ class AimBody(BaseModel):
     model_config = _STRICT
 
     aim: bool = Field(description="True for pictures only, false to race again.")
+    camera: CameraChoice | None = Field(
+        default=None, description="What to ask of the camera meanwhile, to see what it does; races take what is saved."
+    )
 
 
 class DoneAnswer(BaseModel):
@@ -89,7 +93,9 @@ class Race:
 
     async def aim(self, request: Request) -> Response:
         """POST /api/v1/race/aim."""
-        await self._daemon.ask(aim=request.state.body.aim)
+        body: AimBody = request.state.body
+        camera = None if body.camera is None or not body.aim else body.camera.model_dump(exclude_none=True)
+        await self._daemon.ask(aim=body.aim, camera=camera)
         return _done()
 
     async def picture(self, request: Request) -> Response:

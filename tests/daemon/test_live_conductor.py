@@ -2,9 +2,10 @@
 
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from played import Camera, Clip, Panel, frame, wait_until
@@ -43,6 +44,7 @@ class Means:
         self.ends = list(ends)
         self.begun: list[str | None] = []
         self.resumes: list[bool] = []
+        self.asked: list[dict[str, Any]] = []
         self.camera: Callable[[], FrameSource] = self._film
         self.panel = Panel()
 
@@ -63,8 +65,9 @@ class Means:
     def camera_uri(self) -> str:
         return "played:"
 
-    def open_camera(self, uri: str) -> FrameSource:
+    def open_camera(self, uri: str, asked: Mapping[str, Any] | None = None) -> FrameSource:
         assert uri == "played:"
+        self.asked.append(dict(asked or {}))
         return self.camera()
 
     @contextmanager
@@ -178,6 +181,21 @@ def test_whoever_aims_without_a_camera_is_told(conduct: Callable[..., None], mon
 
     conduct(means, talk)
     assert len(means.begun) >= 2
+
+
+def test_settings_are_tried_while_somebody_aims(conduct: Callable[..., None]) -> None:
+    """What is asked of the camera opens it anew with that, each time; without it is opened as configured."""
+    means = Means(None)
+
+    def talk(client: Caller) -> None:
+        for camera in ({"exposure_us": 4000.0}, {"gain": 2.0}):
+            assert client.answer(client.say(AimCamera, aim=True, camera=camera)).done
+        assert client.answer(client.say(AimCamera, aim=False)).done
+        assert client.answer(client.say(AimCamera, aim=True)).done
+
+    conduct(means, talk)
+    assert [asked for asked in means.asked if asked] == [{"exposure_us": 4000.0}, {"gain": 2.0}]
+    assert means.asked[-1] == {}
 
 
 def test_a_clip_is_shown_over_and_over(conduct: Callable[..., None]) -> None:

@@ -48,7 +48,7 @@ def last_twin_u(page: Page) -> float:
 
 def test_whole_way_by_taps(tmp_path: Path) -> None:
     """On a telephone's width, from aiming to a saved configuration: what is tapped is what is kept to a fraction of a px, the
-    map is the command line's for these taps, keys nudge, undo takes back, a taught model is taken, and nothing breaks the page's rules."""
+    map is the command line's for these taps, keys nudge, undo takes back, a taught model is taken, nothing breaks the page."""
     rig = Rig(seed=1, laps=1)
     (tmp_path / "twin.png").write_bytes(png(rig.twin))
     (u0, v0), (u1, v1) = rig.start_line_px

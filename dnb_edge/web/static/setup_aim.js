@@ -51,7 +51,12 @@ export function aimStep(setup) {
   });
   byId("camera-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    setup.change(() => ask("PUT", "camera", settings(event.target)));
+    const camera = settings(event.target);
+    setup.change(async () => {
+      const kept = await ask("PUT", "camera", camera);
+      if (byId("race-or-aim").dataset.aim === "no") await ask("POST", "/api/v1/race/aim", { aim: true, camera });
+      return kept;
+    });
   });
   byId("race-or-aim").addEventListener("click", async () => {
     const aim = byId("race-or-aim").dataset.aim === "yes";
