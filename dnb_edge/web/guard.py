@@ -19,9 +19,8 @@ from dnb_edge.web.endpoint import Refused
 from dnb_edge.web.guard_answers import Answers
 from dnb_edge.web.guard_hosts import Hosts, host_name, own_origin
 from dnb_edge.web.guard_rates import Buckets, Limits, counted_as
-from dnb_edge.web.sessions import Sessions
+from dnb_edge.web.sessions import COOKIE, Sessions
 
-COOKIE = "dnb-edge-session"
 MOST_ADDRESS_CHARACTERS = 2000
 
 

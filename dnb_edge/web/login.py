@@ -14,9 +14,8 @@ from starlette.responses import JSONResponse, Response
 
 from dnb_edge.web.box import Box
 from dnb_edge.web.endpoint import API, Access, Endpoint, Refused
-from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.guard_rates import Buckets, Failures, Limits, counted_as
-from dnb_edge.web.sessions import IDLE_S, Sessions, SetupCode, spaced
+from dnb_edge.web.sessions import COOKIE, Sessions, SetupCode, keep_cookie, spaced
 
 _log = logging.getLogger(__name__)
 
@@ -91,9 +90,7 @@ class Login:
         session, cookie = self._sessions.begin(now_s)
         _log.info("logged in from %s", address)
         answer = JSONResponse(LoginAnswer(csrf=session.csrf).model_dump())
-        answer.set_cookie(
-            COOKIE, cookie, max_age=int(IDLE_S), httponly=True, samesite="strict", secure=request.url.scheme == "https"
-        )
+        keep_cookie(answer, request, cookie)
         return answer
 
     async def logout(self, request: Request) -> Response:

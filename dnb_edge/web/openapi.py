@@ -17,9 +17,9 @@ from starlette.responses import JSONResponse, Response
 
 from dnb_edge import __version__
 from dnb_edge.web.endpoint import API, Access, Endpoint
-from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.guard_answers import ErrorAnswer
 from dnb_edge.web.guard_door import CSRF_HEADER, SAFE_METHODS
+from dnb_edge.web.sessions import COOKIE
 
 _ABOUT = f"""Everything that the pages do goes through this. Members are added to answers, never taken away or changed: ignore
 those that you do not know. Whatever fails answers with an `ErrorAnswer`.

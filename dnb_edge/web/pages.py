@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from dnb_edge import __version__
-from dnb_edge.web.sessions import Session
+from dnb_edge.web.sessions import COOKIE, Session, keep_cookie
 from dnb_edge.web.static_files import StaticFiles
 
 FOLDER = Path(__file__).parent / "templates"
@@ -38,4 +38,9 @@ class TemplatePages:
         known = {"csrf": session.csrf if session else None, "may_change": session is not None, "path": request.url.path}
         text = self._jinja.get_template(name).render(known | values)
         # A file's name may be no UTF-8.
-        return HTMLResponse(text.encode(errors="replace"), status)
+        answer = HTMLResponse(text.encode(errors="replace"), status)
+        cookie = request.cookies.get(COOKIE)
+        if session is not None and cookie is not None:
+            # Who goes on using it stays logged in: the browser would forget it some hours after the log-in.
+            keep_cookie(answer, request, cookie)
+        return answer

@@ -1,6 +1,6 @@
 """Who may change something: the set-up code that the box shows, and the sessions of those who have typed it.
 
-Knows codes, sessions and instants; knows no request. All of it is in memory: a restart logs everybody out.
+Knows codes, sessions, their cookie and instants; knows no page. All of it is in memory: a restart logs everybody out.
 """
 
 from __future__ import annotations
@@ -10,6 +10,10 @@ import secrets
 from collections import OrderedDict
 from dataclasses import dataclass
 
+from starlette.requests import Request
+from starlette.responses import Response
+
+COOKIE = "dnb-edge-session"
 IDLE_S = 12 * 3600.0
 """A session that nobody used for so long is over; a code is as old at most."""
 MOST_SESSIONS = 256
@@ -29,6 +33,12 @@ class Session:
     """SHA-256 of the cookie's text, which is kept nowhere."""
     csrf: str
     """Token that every change must carry."""
+
+
+def keep_cookie(answer: Response, request: Request, text: str) -> None:
+    """Has the browser keep the session's cookie as long from now as an unused session lasts."""
+    secure = request.url.scheme == "https"
+    answer.set_cookie(COOKIE, text, max_age=int(IDLE_S), httponly=True, samesite="strict", secure=secure)
 
 
 class Sessions:

@@ -23,11 +23,11 @@ from web_box import app_in, log_in, visitor
 from dnb_edge.errors import InputError, TemporaryFault, WorkError
 from dnb_edge.web.app import routes
 from dnb_edge.web.endpoint import Access, Endpoint, Refused
-from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.guard_answers import Answers, as_refused
 from dnb_edge.web.guard_door import Door, check_ids
 from dnb_edge.web.guard_hosts import Hosts, host_name, own_names, own_origin
 from dnb_edge.web.guard_rates import MOST_ADDRESSES, Buckets, Failures, Limits, counted_as
+from dnb_edge.web.sessions import COOKIE
 
 OURS = Hosts(names=frozenset({"localhost", "box", "box.local", "race.example.org", "10.0.0.9"}))
 

@@ -14,9 +14,8 @@ from web_box import app_in, codes, log_in, visitor
 
 from dnb_edge.live.messages import Phase, Picture, State, Told
 from dnb_edge.web.endpoint import Refused
-from dnb_edge.web.guard import COOKIE
 from dnb_edge.web.login import safe_next
-from dnb_edge.web.sessions import CODE_USES, IDLE_S, MOST_SESSIONS, MOST_WRONG, Sessions, SetupCode, spaced
+from dnb_edge.web.sessions import CODE_USES, COOKIE, IDLE_S, MOST_SESSIONS, MOST_WRONG, Sessions, SetupCode, spaced
 
 LOGIN = "/api/v1/login"
 
@@ -229,6 +228,15 @@ def test_a_session_ends_after_twelve_hours_without_use(client: TestClient, clock
         assert client.get("/api/v1/picture.jpg").status_code == 503
     clock[0] += IDLE_S + 1.0
     assert client.get("/api/v1/picture.jpg").status_code == 401
+
+
+def test_each_page_keeps_the_browser_logged_in(client: TestClient) -> None:
+    """Its cookie, with all its guards, lasts from the last page on, as the session does; without a session none is set."""
+    assert "set-cookie" not in client.get("/login").headers
+    log_in(client)
+    again = client.get("/login").headers["set-cookie"]
+    for part in (f"{COOKIE}={client.cookies[COOKIE]}", "HttpOnly", "SameSite=strict", "Path=/", "Max-Age=43200"):
+        assert part in again
 
 
 def test_a_page_has_its_sessions_token(client: TestClient) -> None:
