@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from dnb_edge.archive.label import label_path, stem_of
 from dnb_edge.archive.stored import SeenFile, StoredRecording
 from dnb_edge.errors import InputError, WorkError
-from dnb_edge.record.durable import sync_directory
+from dnb_edge.record.durable import PART_SUFFIX, sync_directory
 from dnb_edge.record.edits import edits_path
 from dnb_edge.record.names import pictures_directory
 from dnb_edge.record.retention import DAMAGED_SUFFIX, PIN_SUFFIX, Removal, remove
@@ -26,7 +26,8 @@ def remove_run(run: StoredRecording) -> tuple[Removal, ...]:
     Raises `InputError` where one of its files is in use or has changed its name meanwhile, and nothing has gone then;
     `WorkError` where the disk refuses.
     """
-    with _locked([file.path for file in run.files]):
+    unfinished = [path for file in run.files if (path := _unfinished(file.path)).is_file()]
+    with _locked(dict.fromkeys([*(file.path for file in run.files), *unfinished])):
         removals = tuple(_removal(file) for file in reversed(run.files))
         for removal in removals:
             remove(removal)
@@ -42,6 +43,7 @@ def _removal(file: SeenFile) -> Removal:
     path, stem = file.path, stem_of(file.path)
     # The recording goes first: never are its edits away while it lies there as if nobody had judged it.
     beside = (
+        *((_unfinished(path),) if path != _unfinished(path) else ()),
         path.with_name(f"{stem}.mcap{DAMAGED_SUFFIX}"),
         edits_path(path),
         label_path(path),
@@ -59,8 +61,13 @@ def _removal(file: SeenFile) -> Removal:
     )
 
 
+def _unfinished(path: Path) -> Path:
+    """The file that a recorder wrote, which a recovery may have left beside what it brought back."""
+    return path.with_name(f"{stem_of(path)}.mcap{PART_SUFFIX}")
+
+
 @contextmanager
-def _locked(paths: Sequence[Path]) -> Iterator[None]:
+def _locked(paths: Iterable[Path]) -> Iterator[None]:
     """Holds the locks that recorders and recoveries have on their files. Raises `InputError` where one is taken."""
     descriptors: list[int] = []
     try:

@@ -154,6 +154,7 @@ def test_delete(tmp_path: Path) -> None:
     address = next(f"/api/v1/runs/{run['id']}" for run in here.runs() if run["file"] == ONE)
     here.client.patch(address, json={"name": "Final", "pinned": True})
     (runs / "run-0000000a-0001.edits.jsonl").write_text("{}\n")
+    (runs / "run-0000000a-0001.mcap.part").write_bytes(b"cut short")
     (runs / "run-0000000a-0001.pictures").mkdir()
     (runs / "run-0000000a-0001.pictures" / "000001.mcap").write_bytes(b"ring")
 
@@ -168,7 +169,7 @@ def test_delete(tmp_path: Path) -> None:
     here.daemon.run = "run-0000000a-0002"
     for wrong in ("", TWO, "run-0000000a-0001", f"{ONE} ", "Final"):
         assert delete(wrong) == (422, "not-confirmed")
-    assert len(list(runs.iterdir())) == 5
+    assert len(list(runs.iterdir())) == 6
     assert delete(ONE) == (200, "")
     assert [path.name for path in runs.iterdir()] == [TWO]
     assert delete(ONE) == (404, "not-found")
@@ -311,9 +312,9 @@ def test_pictures_of_a_list_are_one_look_at_the_folder(tmp_path: Path, monkeypat
 
 
 def test_disk(tmp_path: Path) -> None:
-    """How much room there is, and what would go first: never what is pinned, as retention has it."""
+    """How much room there is, and what would go first: never what is pinned or the last, as retention has it."""
     runs = tmp_path / "runs"
-    sizes = [record(runs, 2.0, name=name).stat().st_size for name in (ONE, TWO)]
+    sizes = [record(runs, 2.0, name=name).stat().st_size for name in (ONE, TWO, "run-0000000a-0003.mcap")]
     (runs / "run-0000000a-0001.pin").touch()
     here = guest(tmp_path)
     disk = here.client.get("/api/v1/disk").json()
