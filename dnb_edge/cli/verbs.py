@@ -30,6 +30,8 @@ VERBS = {
     "config": "config:app",
     "model": "model:app",
     "mount": "mount:app",
+    "display": "display:app",
+    "print": "prints:app",
 }
 """Each verb's module in this room, and its name there: a command, or a Typer app of several. In the order of the help."""
 

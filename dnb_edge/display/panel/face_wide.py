@@ -4,7 +4,7 @@ Runs on MicroPython.
 """
 
 from .glyphs import SMALL, TALL, Font
-from .pixels import AMBER, BLUE, GREEN, GREY, RED, VIOLET, WHITE, Canvas
+from .pixels import AMBER, BLUE, CYAN, GREEN, RED, VIOLET, WHITE, Canvas
 from .scene import COUNT, END, GO, GRID, LAP, OUT, RUN, SILENT, START, WAIT, Scene, first_that_fits, seconds, signed
 
 STEP_MS = 40
@@ -110,7 +110,7 @@ def _asides(scene: Scene) -> list[tuple[str, int]]:
     if scene.what == RUN and told.delta_ms is not None:
         words.append((signed(told.delta_ms), GREEN if told.delta_ms < 0 else RED))
     elif told.race == "GO" and told.race_tenths is not None:
-        words.append(("%ds" % (told.race_tenths // 10), GREY))
+        words.append(("%ds" % (told.race_tenths // 10), CYAN))
     if told.places:
         words += [("P%d%s" % (place[0], "=" if place[1] else ""), BLUE) for place, car in
                   [one[:2] for one in told.places] if car == told.car]  # fmt: skip
@@ -123,16 +123,16 @@ def _rows(scene: Scene, canvas: Canvas, plan: Plan) -> None:
     told, last, font = scene.told, scene.told.last, plan.font
     at, text = _running_text(scene, canvas, plan)
     if last is None:
-        _ends(canvas, plan.last_y, "LAST", NEVER, (GREY, GREY), font)
+        _ends(canvas, plan.last_y, "LAST", NEVER, (CYAN, CYAN), font)
     else:
         time = seconds(last.official_ms, 3)
         if canvas.width > 64 and last.similarity is not None:
             time = "%s %d.%d%%" % (time, last.similarity // 10, last.similarity % 10)
         verdict = "LAST" if last.valid else "BAD"
-        _ends(canvas, plan.last_y, verdict, time, (GREY, GREEN if last.valid else RED), font)
+        _ends(canvas, plan.last_y, verdict, time, (CYAN, GREEN if last.valid else RED), font)
     if at is None or plan.texts_y != plan.best_y:
         best = NEVER if told.best is None else seconds(told.best[1], 3)
-        _ends(canvas, plan.best_y, "BEST", best, (GREY, GREY if told.best is None else VIOLET), font)
+        _ends(canvas, plan.best_y, "BEST", best, (CYAN, CYAN if told.best is None else VIOLET), font)
     if at is not None:
         canvas.text(at, plan.texts_y, text, AMBER, font)
 
@@ -167,14 +167,14 @@ def _big(canvas: Canvas, plan: Plan, ms: int, places: int, colour: int) -> None:
 def _start(scene: Scene, canvas: Canvas, plan: Plan) -> None:
     quarter = canvas.height // 8
     _middle(canvas, quarter, "DNB-EDGE", WHITE, TALL, plan.scale // 2)
-    _middle(canvas, canvas.height - 2 * quarter - plan.font.height, "WAITING FOR BOX", GREY, plan.font)
+    _middle(canvas, canvas.height - 2 * quarter - plan.font.height, "WAITING FOR BOX", CYAN, plan.font)
     canvas.fill(scene.t_ms // 40 % (canvas.width + 8) - 8, canvas.height - 2, 8, 2, GREEN)
 
 
 def _silent(scene: Scene, canvas: Canvas, plan: Plan) -> None:
     if scene.blink(800, 400):
         _middle(canvas, canvas.height // 4, "NO SIGNAL", RED, TALL, plan.scale // 2)
-    _middle(canvas, canvas.height * 5 // 8, "CHECK THE CABLE", GREY, plan.font)
+    _middle(canvas, canvas.height * 5 // 8, "CHECK THE CABLE", CYAN, plan.font)
 
 
 def _count(scene: Scene, canvas: Canvas, plan: Plan) -> None:
@@ -200,7 +200,7 @@ def _lap(scene: Scene, canvas: Canvas, plan: Plan) -> None:
 def _run(scene: Scene, canvas: Canvas, plan: Plan) -> None:
     lost = scene.told.camera_lost and not scene.blink(1200, 1200)
     _head(scene, canvas, plan, "NO CAMERA" if lost else "LAP " + scene.lap_of, RED if lost else WHITE)
-    _big(canvas, plan, scene.running_ms, 2, GREY if scene.told.camera_lost else AMBER)
+    _big(canvas, plan, scene.running_ms, 2, CYAN if scene.told.camera_lost else AMBER)
     _rows(scene, canvas, plan)
 
 

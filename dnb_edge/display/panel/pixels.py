@@ -2,19 +2,20 @@
 
 from .glyphs import TALL, Font
 
-DARK, WHITE, RED, GREEN, AMBER, BLUE, VIOLET, GREY = range(8)
+DARK, WHITE, RED, GREEN, AMBER, BLUE, VIOLET, CYAN = range(8)
 
 COLOURS = (
     (0, 0, 0),
     (255, 255, 255),
     (255, 40, 30),
     (40, 255, 70),
-    (255, 170, 0),
-    (60, 140, 255),
+    (255, 190, 0),
+    (60, 90, 255),
     (220, 60, 255),
-    (110, 110, 110),
+    (50, 200, 255),
 )
-"""Red, green and blue of each colour, 0 to 255. A panel of one colour lights whatever is not dark."""
+"""Red, green and blue of each colour, 0 to 255: those of a matrix whose three lights a pixel are on or off. A panel of one
+colour lights whatever is not dark."""
 
 
 class Canvas:
