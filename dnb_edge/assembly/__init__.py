@@ -5,6 +5,7 @@ a core build them here, so that all of them build the same.
 """
 
 from dnb_edge.assembly.detectors import check_detector, detector_of, make_detector
+from dnb_edge.assembly.displays import check_display
 from dnb_edge.assembly.headers import check_checkpoint, make_entry, make_header, plain_config
 from dnb_edge.assembly.setups import Assembly, assemble, make_scene
 from dnb_edge.assembly.sources import check_source, make_source, source_of
@@ -15,6 +16,7 @@ __all__ = [
     "assemble",
     "check_checkpoint",
     "check_detector",
+    "check_display",
     "check_source",
     "detector_of",
     "load_pairs",

@@ -132,7 +132,7 @@ def taken(device: linux.Device, wanted: Iterable[Wish]) -> tuple[CameraControl, 
     """What the camera says of each control that was asked for, now; of one asked for twice the last."""
     asked = {wish.control.name: wish for wish in wanted}
     return tuple(
-        CameraControl(name=name, asked=wish.value, taken=_value(device, wish.control)) for name, wish in asked.items()
+        CameraControl(name=name, asked=wish.value, taken=value_of(device, wish.control)) for name, wish in asked.items()
     )
 
 
@@ -165,7 +165,7 @@ def _menu(device: linux.Device, described: raw.v4l2_query_ext_ctrl) -> dict[int,
     return entries
 
 
-def _value(device: linux.Device, control: Control) -> int | None:
+def value_of(device: linux.Device, control: Control) -> int | None:
     """What the camera says; None where it does not tell."""
     unread = linux.ControlFlag.WRITE_ONLY
     if control.described.type in _NO_VALUE or int(control.described.flags) & int(unread):

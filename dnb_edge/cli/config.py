@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 import yaml
 
-from dnb_edge.assembly import check_detector, check_source, plain_config
+from dnb_edge.assembly import check_detector, check_display, check_source, plain_config
 from dnb_edge.cli.run import Override
 from dnb_edge.config.load import load_config
 from dnb_edge.config.rules import PRESETS, load_rule_set
@@ -33,6 +33,7 @@ def check(file: File, overrides: Override = None) -> None:
     config = load_config(file, overrides or [])
     check_source(config.capture)
     check_detector(config.detector)
+    check_display(config.display)
     typer.echo(f"{file}: right")
 
 

@@ -193,6 +193,15 @@ def test_a_check_looks_for_no_device(config: Path, uri: str) -> None:
     assert (ran.code, ran.err) == (0, "")
 
 
+@pytest.mark.parametrize("uri", ["oled:0", "serial:ttyUSB0", "/dev/ttyUSB0"])
+def test_a_check_refuses_what_is_no_display(config: Path, uri: str) -> None:
+    """Code 2 and one line with the key, the value and what to write; a port that is not there yet is right."""
+    ran = edge("config", "check", config, "--set", f"display.uri={uri}")
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.complaint().startswith(f"dnb-edge: display.uri: display '{uri}': "), ran.err
+    assert edge("config", "check", config, "--set", "display.uri=serial:/dev/gone").code == 0
+
+
 def test_the_line_of_a_mistake_is_the_right_one(config: Path) -> None:
     """The line number is the key's own, not its section's."""
     lines = config.read_text().splitlines()

@@ -10,7 +10,7 @@ from pty_line import Firmware, PtyLine, wait_until
 from dnb_edge.display.base import DisplayStatus
 from dnb_edge.display.protocol import BAUD
 from dnb_edge.display.serial_port import WRITE_TIMEOUT_S, SerialDisplay, write_lines
-from dnb_edge.display.uri import open_display
+from dnb_edge.display.uri import check_uri, open_display
 from dnb_edge.errors import InputError
 
 
@@ -176,8 +176,9 @@ def test_open_display(line):
 @pytest.mark.parametrize("uri", ["", "serial:", "serial:ttyUSB0", "oled:0", "terminal", "terminal:/dev/tty1", "/dev/x"])
 def test_open_display_refuses(uri):
     """Anything but the known schemes is one clear line that names what was given and what to write."""
-    with pytest.raises(InputError, match="serial:/dev/ttyUSB0"):
-        open_display(uri)
+    for look in (open_display, check_uri):
+        with pytest.raises(InputError, match="serial:/dev/ttyUSB0"):
+            look(uri)
 
 
 class FullPort:
