@@ -245,8 +245,8 @@ def board() -> str:
     """The board with numbers beside what the text explains."""
     picture = base64.b64encode(BOARD.read_bytes()).decode()
     marks: tuple[tuple[float, float, str], ...] = (
-        (330, 232, "1"), (478, 262, "2"), (160, 404, "3"), (370, 362, "4"), (600, 362, "5"), (16, 442, "6"),
-        (16, 688, "7"), (16, 774, "8"), (926, 372, "9"), (904, 300, "10"), (908, 696, "11"),
+        (330, 232, "1"), (478, 262, "2"), (108, 404, "3"), (370, 362, "4"), (600, 362, "5"), (20, 442, "6"),
+        (20, 688, "7"), (20, 774, "8"), (926, 372, "9"), (904, 300, "10"), (790, 612, "11"),
     )  # fmt: skip
     parts = [_tag("image", x=0, y=0, width=1280, height=860, href=f"data:image/png;base64,{picture}")]
     for u, v, name in marks:
