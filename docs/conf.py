@@ -24,7 +24,8 @@ author = "the authors of dnb-edge"
 copyright = "the authors of dnb-edge, GPL-3.0-or-later"
 (version,) = re.findall(r'__version__ = "([^"]+)"', _INIT)
 release = version
-language = "en_GB"
+# Not en_GB: its table of Sphinx 9.0 has empty plurals, at which the search page stumbles.
+language = "en"
 
 extensions = ["myst_parser"]
 root_doc = "docs/index"
@@ -57,6 +58,8 @@ html_additional_pages = {"index": "to-start.html"}
 templates_path = ["site/templates"]
 html_copy_source = False
 html_show_sphinx = False
+# Read as files, a page cannot fetch another one for an excerpt.
+html_show_search_summary = False
 html_theme_options: dict[str, Any] = {
     "navigation_with_keys": True,
     "top_of_page_buttons": [],
