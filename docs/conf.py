@@ -50,6 +50,9 @@ myst_heading_anchors = 4
 myst_enable_extensions: list[str] = []
 nitpicky = True
 
+# Two hyphens are an option's, not a dash.
+smartquotes = False
+
 html_theme = "furo"
 html_title = f"dnb-edge {version}"
 html_static_path = ["site/static"]

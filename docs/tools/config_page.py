@@ -36,7 +36,7 @@ COUNTS = {
     "format.best_of": "laps", "format.warm_up_laps": "laps", "penalties.KIND.free": "count", "score.points": "count",
     "web.most_downloads": "count", "detector.markers.full_look_every": "frames",
     "detector.markers.missing_look_every": "frames", "cars.colour": "0 to 255",
-    "version": "number", "detector.classes": "number", "detector.markers.ids": "number", "cars.marker": "number",
+    "detector.classes": "number", "detector.markers.ids": "number", "cars.marker": "number",
     "start.seed": "number", "web.port": "number", "web.foxglove.port": "number",
     "capture.gain": "the camera's own", "capture.focus": "the camera's own", "capture.controls": "the camera's own",
 }  # fmt: skip

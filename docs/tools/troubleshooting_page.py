@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from page_text import cell, made_by, paragraphs
+from page_text import made_by, paragraphs
 
 PAGE = "docs/troubleshooting.md"
 
@@ -21,8 +21,8 @@ LEDGER = _HERE.parent / "reliability.md"
 SYMPTOMS = _HERE / "symptoms.yaml"
 
 _ABOUT = """
-Find what you see; the box's own words stand `like this`. The middle column is what the box does by itself, and most faults need
-nothing more. Each of these promises has a test and a figure: [what can go wrong](reliability.md).
+Find what you see; the box's own words stand `like this`. Below it is what to do; then, in italics, the fault that is behind it,
+with what the box does by itself. Each of these promises has a test and a figure: [what can go wrong](reliability.md).
 
 Not here, or not clear? Ask the box: `dnb-edge doctor` makes [its checks](#what-the-doctor-says) beside a running race and says
 what to do. The log: `journalctl -u dnb-edge`, of the pages `journalctl -u dnb-edge-web`.
@@ -76,12 +76,12 @@ def page() -> str:
     known = faults()
     lines = ["# Troubleshooting", "", made_by(__file__), "", paragraphs(_ABOUT)]
     for chapter in symptoms()["chapters"]:
-        lines += ["", f"## {chapter['title']}", "", "| you see | the box by itself | you |", "|---|---|---|"]
+        lines += ["", f"## {chapter['title']}"]
         for row in chapter["rows"]:
             told = [fault for fault in (named(begin, known) for begin in row["faults"]) if not _is_said_above(fault)]
-            promises = "<br>".join(f"*{cell(fault.name)}*: {cell(fault.promise)}" for fault in told)
-            lines.append(f"| {cell(row['see'])} | {promises} | {cell(row['do'])} |")
-    return "\n".join([*lines, *_doctor()]) + "\n"
+            lines += ["", f"- **{row['see']}**", "", f"  {row['do']}.", ""]
+            lines += [f"  - *{fault.name}*: {fault.promise}" for fault in told]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join([*lines, "", *_doctor()])) + "\n"
 
 
 def _is_said_above(fault: Fault) -> bool:
@@ -90,4 +90,4 @@ def _is_said_above(fault: Fault) -> bool:
 
 
 def _doctor() -> list[str]:
-    return ["", "## What the doctor says", "", "`dnb-edge doctor` says of each fault that it finds what to do."]
+    return ["## What the doctor says", "", "`dnb-edge doctor` says of each fault that it finds what to do."]

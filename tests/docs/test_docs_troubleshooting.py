@@ -39,8 +39,8 @@ def test_every_symptom_says_what_is_seen_and_what_to_do() -> None:
         assert f"\n## {chapter['title']}\n" in text
         for row in chapter["rows"]:
             assert sorted(row) == ["do", "faults", "see"]
-            assert f"| {row['see']} |" in text
-            assert f"| {row['do']} |" in text
+            assert f"\n- **{row['see']}**\n" in text
+            assert f"\n  {row['do']}.\n" in text
     assert "*Unplugged*: said within 2 s" in text
 
 
