@@ -30,6 +30,7 @@ VERBS = {
     "config": "config:app",
     "model": "model:app",
     "mount": "mount:app",
+    "doctor": "doctor:doctor",
     "display": "display:app",
     "print": "prints:app",
 }
