@@ -251,8 +251,8 @@ CHECKS: tuple[Check[Any], ...] = (
         group=Group.DETECTOR,
         looks_at="how long the detector takes against a frame's time; of a running race, which frames it was too slow for",
         amiss=(
-            f"warns from {100 * setup_rules.BUSY_SHARE:g} % of a frame's time on, fails where it is slower than the camera; of a "
-            f"running race from {100 * setup_rules.LOST_WARN:g} % and {100 * setup_rules.LOST_FAIL:g} % of the frames on"
+            f"warns from {100 * setup_rules.BUSY_SHARE:g} % of a frame's time on, fails where it is slower than the camera; of "
+            f"a running race from {100 * setup_rules.LOST_WARN:g} % and {100 * setup_rules.LOST_FAIL:g} % of the frames on"
         ),
         remedy="two threads, a lower rate, fewer programs",
         gather=setup_facts.find_pace,

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import time
 from datetime import datetime
+from statistics import median
 
+import cv2
 import numpy as np
 
 from dnb_edge.assembly import assemble, check_detector, check_display, check_source, detector_of, make_track

@@ -184,8 +184,8 @@ def judge_pace(pace: Pace | RacePace) -> Verdict:
         return (fail if pace.lost_share > LOST_FAIL else warn)(found, _FASTER)
     frame_ms = 1e3 / pace.fps
     found = (
-        f"{pace.window_ms:.1f} ms a frame while a car is followed, {pace.whole_ms:.1f} ms while one is looked for; a frame lasts "
-        f"{frame_ms:.1f} ms"
+        f"{pace.window_ms:.1f} ms a frame while a car is followed, {pace.whole_ms:.1f} ms while one is looked for; a frame "
+        f"lasts {frame_ms:.1f} ms"
     )
     if pace.window_ms > frame_ms:
         return fail(found, _FASTER)
