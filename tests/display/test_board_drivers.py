@@ -1,0 +1,49 @@
+"""The panels' drivers and the firmware's loop against models of the chips: `board_checks.py`, on both Pythons."""
+
+import sys
+
+import board_checks
+import micropython
+import pytest
+from micropython import HERE
+
+from dnb_edge.display import flash
+from dnb_edge.display.panel import face
+from dnb_edge.display.panel.board import hub75, settings
+
+
+@pytest.fixture(autouse=True)
+def host_modules(monkeypatch):
+    """What a check puts in the place of a board's modules is gone behind it."""
+    for name in ("machine", "rp2", "uctypes"):
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+@pytest.mark.parametrize("check", board_checks.CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+def test_on_cpython(check):
+    """The check's own docstring says what it pins."""
+    check()
+
+
+def test_on_micropython(tmp_path):
+    """The same checks by the interpreter that boards have, with the files that are written to a board."""
+    for path, content in flash.board_files().items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_bytes(content)
+    printed = micropython.run(HERE / "board_checks.py", tmp_path, heap="2m")
+    assert printed.endswith(f"all {len(board_checks.CHECKS)} checks passed\n")
+
+
+def test_every_layout_has_a_panel():
+    """Whatever can be drawn can be shown by some panel, and every panel's layout can be drawn."""
+    assert set(settings.PANELS.values()) == set(face.LAYOUTS)
+
+
+def test_hub75_tells_colours_apart():
+    """Each colour of the canvas is another one on a panel whose lamps are only on or off."""
+    table = hub75.Table()
+    told = set()
+    for colour in range(len(board_checks.COLOURS)):
+        table.take(bytes([colour]) * (hub75.WIDTH * hub75.HEIGHT), board_checks.COLOURS)
+        told.add(table.words[hub75.IDLE] & 7)
+    assert len(told) == len(board_checks.COLOURS)
