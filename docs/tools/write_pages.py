@@ -12,11 +12,12 @@ from pathlib import Path
 
 import commands_page
 import config_page
+import doctor_page
 import troubleshooting_page
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES: dict[str, Callable[[], str]] = {
-    made.PAGE: made.page for made in (commands_page, config_page, troubleshooting_page)
+    made.PAGE: made.page for made in (commands_page, config_page, doctor_page, troubleshooting_page)
 }
 """What makes each page's text, by the page's path."""
 
