@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from page_text import made_by, paragraphs
+from page_text import cell, made_by, paragraphs
+
+from dnb_edge.doctor.checks import CHECKS
 
 PAGE = "docs/troubleshooting.md"
 
@@ -24,8 +26,8 @@ _ABOUT = """
 Find what you see; the box's own words stand `like this`. Below it is what to do; then, in italics, the fault that is behind it,
 with what the box does by itself. Each of these promises has a test and a figure: [what can go wrong](reliability.md).
 
-Not here, or not clear? Ask the box: `dnb-edge doctor` makes [its checks](#what-the-doctor-says) beside a running race and says
-what to do. The log: `journalctl -u dnb-edge`, of the pages `journalctl -u dnb-edge-web`.
+Not here, or not clear? Ask the box: `dnb-edge doctor` makes [its checks](doctor.md) beside a running race and says what to
+type. The log: `journalctl -u dnb-edge`, of the pages `journalctl -u dnb-edge-web`.
 """
 
 
@@ -81,7 +83,8 @@ def page() -> str:
             told = [fault for fault in (named(begin, known) for begin in row["faults"]) if not _is_said_above(fault)]
             lines += ["", f"- **{row['see']}**", "", f"  {row['do']}.", ""]
             lines += [f"  - *{fault.name}*: {fault.promise}" for fault in told]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join([*lines, "", *_doctor()])) + "\n"
+        lines += ["", *_doctor(chapter["doctor"])]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)) + "\n"
 
 
 def _is_said_above(fault: Fault) -> bool:
@@ -89,5 +92,9 @@ def _is_said_above(fault: Fault) -> bool:
     return fault.name.startswith("The same")
 
 
-def _doctor() -> list[str]:
-    return ["## What the doctor says", "", "`dnb-edge doctor` says of each fault that it finds what to do."]
+def _doctor(groups: list[str]) -> list[str]:
+    """What the doctor's checks of these groups look at, and what to do where one complains."""
+    asked = " ".join(f"--only {group.lower()}" for group in groups)
+    lines = [f"`dnb-edge doctor {asked}`:", "", "| check | looks at | where it complains |", "|---|---|---|"]
+    checks = [check for check in CHECKS if check.group.value in groups]
+    return lines + [f"| `{check.name}` | {cell(check.looks_at)} | {cell(check.remedy)} |" for check in checks]

@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from troubleshooting_page import Fault, faults, named, page, symptoms
 
+from dnb_edge.doctor.check import Group
+from dnb_edge.doctor.checks import CHECKS
+
 KNOWN = faults()
 
 
@@ -42,6 +45,15 @@ def test_every_symptom_says_what_is_seen_and_what_to_do() -> None:
             assert f"\n- **{row['see']}**\n" in text
             assert f"\n  {row['do']}.\n" in text
     assert "*Unplugged*: said within 2 s" in text
+
+
+def test_every_check_of_the_doctor_stands_in_one_chapter() -> None:
+    """Its name, what it looks at and what to do; a new group of checks wants a chapter in docs/tools/symptoms.yaml."""
+    groups = [group for chapter in symptoms()["chapters"] for group in chapter["doctor"]]
+    assert sorted(groups) == sorted(group.value for group in Group)
+    text = page()
+    for check in CHECKS:
+        assert len(re.findall(rf"^\| `{re.escape(check.name)}` \| \S.* \| \S.* \|$", text, re.MULTILINE)) == 1
 
 
 @pytest.mark.parametrize(
