@@ -117,14 +117,12 @@ def _check_outputs(out: Path | None, plot: Path | None) -> None:
 
 
 def _print_board(path: Path, board: Board, paper: str) -> None:
-    from dnb_edge.report.lens_sheet import PAPER_MM, board_sheet  # noqa: PLC0415 Matplotlib is slow to import
+    from dnb_edge.prints.board import board_page  # noqa: PLC0415 Matplotlib is slow to import
+    from dnb_edge.prints.paper import parse_paper, pdf_of  # noqa: PLC0415 as above
 
     if path.suffix.lower() != ".pdf":
         raise InputError(f"--print {path}: the name must end in .pdf")
-    sheet = next((name for name in PAPER_MM if name == paper.lower()), None)
-    if sheet is None:
-        raise InputError(f"--paper {paper}: must be one of {', '.join(PAPER_MM)}")
-    write_whole(path, board_sheet(board, sheet))
+    write_whole(path, pdf_of([board_page(board, parse_paper(paper))], title=f"Calibration board {board}"))
     typer.echo(f"{path}: print at 100 %, measure its bar of 100 mm, and calibrate with --board {board}", err=True)
 
 

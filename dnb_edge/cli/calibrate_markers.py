@@ -146,21 +146,16 @@ def markers(
 
 
 def _print_sheets(path: Path, paper: str, family: str, first_id: int, count: int, size_mm: float) -> None:
-    from dnb_edge.report.marker_sheets import (  # noqa: PLC0415 Matplotlib is slow to import
-        Paper,
-        SheetSettings,
-        marker_sheets,
-    )
+    from dnb_edge.prints.floor import FloorSettings, floor_pages  # noqa: PLC0415 Matplotlib is slow to import
+    from dnb_edge.prints.paper import parse_paper, pdf_of  # noqa: PLC0415 as above
 
-    if paper.lower() not in set(Paper):
-        raise InputError(f"--paper {paper}: must be {' or '.join(Paper)}")
     if path.suffix.lower() != ".pdf":
         raise InputError(f"--print {path}: the name must end in .pdf")
     if not (math.isfinite(size_mm) and size_mm > 0):
         raise InputError(f"--size-mm {size_mm:g}: must be a positive number")
     numbers = tuple(range(first_id, first_id + count))
-    settings = SheetSettings(family=family, numbers=numbers, size_mm=size_mm, paper=Paper(paper.lower()))
-    write_whole(path, marker_sheets(settings))
+    settings = FloorSettings(family=family, numbers=numbers, size_mm=size_mm, paper=parse_paper(paper))
+    write_whole(path, pdf_of(floor_pages(settings), title="Floor markers"))
     typer.echo(
         f"{path}: {count} sheet{'s' if count > 1 else ''} ({paper.lower()}), markers {numbers[0]} to {numbers[-1]} of "
         f"{family}, {size_mm:g} mm. Print at 100 % (not fitted to the page) and measure the bar: 100 mm."

@@ -305,7 +305,7 @@ def test_a_board_to_print(shell, tmp_path):
     assert sheet.read_bytes().startswith(b"%PDF")
     for words, said in (
         (("--print", "a.png", "--board", BOARD), "must end in .pdf"),
-        (("--print", sheet, "--board", BOARD, "--paper", "a9"), "must be one of a4, letter"),
+        (("--print", sheet, "--board", BOARD, "--paper", "a9"), "must be one of a4, a3, letter"),
         (("--print", sheet, "--board", "chessboard:9x9:40mm"), "do not fit on a4 paper"),
     ):
         code, _, err = shell(*words)

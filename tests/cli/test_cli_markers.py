@@ -216,7 +216,7 @@ def test_frames_of_a_clip_are_averaged(picture, lens, tmp_path):
         (("--picture", "PICTURE", "--rectify", "twin.jpg"), "--rectify twin.jpg: the name must end in .png"),
         (("--picture", "PICTURE", "--size-mm", "nan"), "--size-mm nan"),
         (("--print", "sheets.png"), "must end in .pdf"),
-        (("--print", "sheets.pdf", "--paper", "a3"), "--paper a3: must be a4 or letter"),
+        (("--print", "sheets.pdf", "--paper", "a5"), "--paper a5: must be one of a4, a3, letter"),
         (("--print", "sheets.pdf", "--size-mm", "190"), "may be 15"),
         (("--print", "sheets.pdf", "--first-id", "48"), "0 to 49, not 50"),
     ],

@@ -1,46 +1,27 @@
-"""A calibration board as a PDF page to print, to scale, with a bar of 100 mm to check it by.
+"""A calibration board as a sheet to print, to scale, with a bar of 100 mm to check it by.
 
-Knows matplotlib, paper and the board to draw. Knows no file and no camera.
+Knows paper and the board to draw. Knows no file and no camera.
 """
 
 from __future__ import annotations
 
-import io
-from typing import Literal, TypeAlias
-
 import cv2
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from dnb_edge.errors import InputError
+from dnb_edge.prints.paper import PAPER_MM, Page, Paper, blank, draw_bar, write
 from dnb_edge.view.boards import Board, BoardKind, charuco_board
 
-Paper: TypeAlias = Literal["a4", "letter"]
-
-PAPER_MM: dict[Paper, tuple[float, float]] = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
-"""Width and height of a sheet, upright."""
-
-_MM_PER_INCH = 25.4
 _MARGIN_MM = 8.0
 _FOOT_MM = 16.0
-_BAR_MM = 100.0
 
 
-def board_sheet(board: Board, paper: Paper) -> bytes:
-    """The PDF file, upright or lying, whichever the board fits. Raises `InputError` where it fits neither."""
-    return _encoded(board_figure(board, paper), board)
-
-
-def board_figure(board: Board, paper: Paper) -> Figure:
-    """The page. One unit of its only axes is one millimetre of paper, from the bottom left corner."""
+def board_page(board: Board, paper: Paper) -> Page:
+    """The sheet, upright or lying, whichever the board fits. Raises `InputError` where it fits neither."""
     width_mm, height_mm = _page_mm(board, paper)
-    figure = Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH), facecolor="white")
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
-    axes.set_xlim(0.0, width_mm)
-    axes.set_ylim(0.0, height_mm)
+    figure, axes = blank(width_mm, height_mm)
     board_width_mm, board_height_mm = _board_mm(board)
     left = 0.5 * (width_mm - board_width_mm)
     top = height_mm - _MARGIN_MM - 0.5 * (height_mm - _FOOT_MM - 2 * _MARGIN_MM - board_height_mm)
@@ -48,7 +29,7 @@ def board_figure(board: Board, paper: Paper) -> Figure:
         # Board: y down from its top left corner; paper: y up.
         axes.add_patch(Rectangle((left + x, top - y - side), side, side, facecolor="black", edgecolor="none"))
     _foot(axes, board)
-    return figure
+    return Page(name="board", figure=figure)
 
 
 def _black_mm(board: Board) -> list[tuple[float, float, float]]:
@@ -86,14 +67,14 @@ def _marker_cells_mm(board: Board) -> list[tuple[float, float, float]]:
 
 
 def _foot(axes: Axes, board: Board) -> None:
-    axes.plot((_MARGIN_MM, _MARGIN_MM + _BAR_MM), (_MARGIN_MM, _MARGIN_MM), color="black", linewidth=0.8)
-    for tick in range(0, int(_BAR_MM) + 1, 10):
-        long = 4.0 if tick % 50 == 0 else 2.0
-        axes.plot((_MARGIN_MM + tick,) * 2, (_MARGIN_MM, _MARGIN_MM + long), color="black", linewidth=0.5)
-    said = (
-        f"100 mm: measure it; print at 100 %, not fitted to the page, and glue it to something flat.   --board {board}"
+    draw_bar(axes, _MARGIN_MM, _MARGIN_MM)
+    lines = (
+        "100 mm: measure it; print at 100 %, not fitted to the",
+        "page, and glue it to something flat and stiff.",
     )
-    axes.text(_MARGIN_MM, _MARGIN_MM - 1.0, said, fontsize=6.5, va="top", color="black")
+    for k, line in enumerate(lines):
+        write(axes, (_MARGIN_MM + 104.0, _MARGIN_MM + 3.4 - 3.4 * k), line, size=6.5, va="center")
+    write(axes, (_MARGIN_MM, _MARGIN_MM - 3.4), f"--board {board}", size=6.5)
 
 
 def _page_mm(board: Board, paper: Paper) -> tuple[float, float]:
@@ -102,19 +83,11 @@ def _page_mm(board: Board, paper: Paper) -> tuple[float, float]:
         if width + 2 * _MARGIN_MM <= page[0] and height + 2 * _MARGIN_MM + _FOOT_MM <= page[1]:
             return page
     raise InputError(
-        f"board {board}: {width:.0f} x {height:.0f} mm do not fit on {paper} paper with a margin of {_MARGIN_MM:.0f} mm and "
-        "the check bar: make it of fewer or smaller squares"
+        f"board {board}: {width:.0f} x {height:.0f} mm do not fit on {paper.value} paper with a margin of {_MARGIN_MM:.0f} mm "
+        "and the check bar: make it of fewer or smaller squares"
     )
 
 
 def _board_mm(board: Board) -> tuple[float, float]:
     across, down = board.corners_across
     return 1000.0 * board.square_m * (across + 1), 1000.0 * board.square_m * (down + 1)
-
-
-def _encoded(figure: Figure, board: Board) -> bytes:
-    stream = io.BytesIO()
-    # No date: the same board gives the same bytes.
-    metadata = {"Title": f"Calibration board {board}", "Creator": "dnb-edge", "CreationDate": None}
-    figure.savefig(stream, format="pdf", metadata=metadata)
-    return stream.getvalue()

@@ -1,0 +1,1 @@
+"""What the kit prints: roof markers, floor markers, calibration boards and whole tracks, on paper and to scale."""
