@@ -17,6 +17,8 @@ from dnb_edge.display.panel.segments import DOT, Digits
 LETTERS = ".wrgabvc"
 """One letter for each of the panel's colours, dark first."""
 
+WIDEST_LETTERS = 64
+"""Pixels of a row that are a character each; of a wider one eight are."""
 _CELL_PX = {8: 20, 32: 12, 64: 7}
 """Side of one of the panel's pixels in an image, by the panel's height."""
 _UNLIT = (26, 26, 26)
@@ -31,10 +33,12 @@ Rgb = tuple[int, int, int]
 
 
 def plain(surface: Surface) -> str:
-    """The picture as text, a letter of `LETTERS` a pixel and a line a row; digits as they are drawn on paper."""
+    """The picture as text: a letter of `LETTERS` a pixel; Braille, lit or not, where the panel is wide; digits as on paper."""
     if isinstance(surface, Digits):
         return "\n".join(_digit_rows(surface)) + "\n"
     rows = pixels(surface)
+    if surface.width > WIDEST_LETTERS:
+        return "\n".join(_braille(rows)) + "\n"
     return "".join("".join(LETTERS[value] for value in row) + "\n" for row in rows)
 
 
@@ -48,7 +52,7 @@ def in_terminal(surface: Surface) -> Text:
     if isinstance(surface, Digits):
         return Text("\n".join(_digit_rows(surface)), style="bold red")
     rows = pixels(surface)
-    if surface.width > 64:
+    if surface.width > WIDEST_LETTERS:
         return Text("\n".join(_braille(rows)), style="bold")
     text = Text()
     for upper, lower in zip(rows[::2], rows[1::2], strict=True):

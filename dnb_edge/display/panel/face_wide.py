@@ -16,9 +16,6 @@ class Plan:
     """Where things are on a panel: `rows` are the tops of last lap, best lap and messages, two of which may be the same."""
 
     def __init__(self, font: Font, big_y: int, scale: int, rows: tuple[int, int, int]) -> None:
-        self.huge = 2 * scale
-        self.huge_y = scale
-        """Of letters that fill the panel."""
         self.font = font
         self.big_y = big_y
         self.scale = scale
@@ -34,8 +31,8 @@ _PLANS = {
 def draw(scene: Scene, canvas: Canvas) -> None:
     """Draws `scene` on a dark `canvas`."""
     plan = _PLANS[canvas.height]
-    if scene.told.note and scene.what in (WAIT, END, GRID) and scene.blink(8000, 2000):
-        _note(scene.told.note, canvas, plan)
+    if scene.note and scene.what in (WAIT, END, GRID) and scene.blink(8000, 2000):
+        _note(scene.note, canvas)
         return
     _FACES[scene.what](scene, canvas, plan)
     if scene.crossing and scene.blink(120, 80):
@@ -54,11 +51,16 @@ def _ends(canvas: Canvas, y: int, left: str, right: str, colours: tuple[int, int
     canvas.text(canvas.width - font.width(right), y, right, colours[1], font)
 
 
-def _note(note: str, canvas: Canvas, plan: Plan) -> None:
-    """A page of its own: as large as its words allow."""
-    for scale in (3, 2, 1):
-        font = plan.font if scale == 1 else TALL
-        lines = _wrapped(note, font, canvas.width // scale)
+def _huge(canvas: Canvas, text: str, colour: int) -> None:
+    """As large as the panel allows."""
+    scale = min(canvas.height // 8, (canvas.width + 1) // TALL.width(text))
+    _middle(canvas, (canvas.height - 7 * scale) // 2, text, colour, TALL, scale)
+
+
+def _note(note: str, canvas: Canvas) -> None:
+    """A page of its own, as large as its words allow."""
+    for font, scale in ((TALL, 3), (TALL, 2), (TALL, 1), (SMALL, 1)):
+        lines = _wrapped(note, font, canvas.width // scale, breaks=font is SMALL)
         step = (font.height + 1) * scale + (1 if scale == 1 else 0)
         widest = max([font.width(one) for one in lines])
         if len(lines) * step - scale <= canvas.height and widest * scale <= canvas.width:
@@ -69,17 +71,19 @@ def _note(note: str, canvas: Canvas, plan: Plan) -> None:
         y += step
 
 
-def _wrapped(text: str, font: Font, width: int) -> list[str]:
+def _wrapped(text: str, font: Font, width: int, *, breaks: bool) -> list[str]:
+    """Lines of whole words; with `breaks` a word that is longer than a line goes on in the next."""
     lines = [""]
     for word in text.split(" "):
         longer = lines[-1] + " " + word if lines[-1] else word
         if font.width(longer) <= width:
             lines[-1] = longer
-        elif lines[-1]:
-            lines.append(word)
         else:
-            lines[-1] = word
-    return lines
+            lines.append(word)
+        while breaks and font.width(lines[-1]) > width:
+            fits = max([count for count in range(1, len(lines[-1])) if font.width(lines[-1][:count]) <= width])
+            lines[-1:] = [lines[-1][:fits], lines[-1][fits:]]
+    return lines if lines[0] else lines[1:]
 
 
 def _head(scene: Scene, canvas: Canvas, plan: Plan, text: str, colour: int = WHITE) -> None:
@@ -97,10 +101,10 @@ def _head(scene: Scene, canvas: Canvas, plan: Plan, text: str, colour: int = WHI
         right -= 4
     for words, hue in _asides(scene):
         left = right - plan.font.width(words)
-        if left < width + 3:
+        if left < width + plan.font.height - 2:
             break
         canvas.text(left, 0, words, hue, plan.font)
-        right = left - 3
+        right = left + 2 - plan.font.height
 
 
 def _asides(scene: Scene) -> list[tuple[str, int]]:
@@ -177,12 +181,12 @@ def _silent(scene: Scene, canvas: Canvas, plan: Plan) -> None:
     _middle(canvas, canvas.height * 5 // 8, "CHECK THE CABLE", CYAN, plan.font)
 
 
-def _count(scene: Scene, canvas: Canvas, plan: Plan) -> None:
-    _middle(canvas, plan.huge_y, scene.count or "SET", AMBER, TALL, plan.huge)
+def _count(scene: Scene, canvas: Canvas, plan: Plan) -> None:  # noqa: ARG001 as every face
+    _huge(canvas, scene.count or "SET", AMBER)
 
 
-def _go(scene: Scene, canvas: Canvas, plan: Plan) -> None:
-    _middle(canvas, plan.huge_y, "GO", GREEN, TALL, plan.huge)
+def _go(scene: Scene, canvas: Canvas, plan: Plan) -> None:  # noqa: ARG001 as every face
+    _huge(canvas, "GO", GREEN)
     if scene.blink(240, 240):
         canvas.invert(GREEN)
 

@@ -95,14 +95,14 @@ _SMALL = r"""
 """
 
 
-def _read(pictures: str, height: int, characters: str) -> dict[str, tuple[int, tuple[int, ...]]]:
+def _read(pictures: str, height: int, characters: str) -> dict[str, tuple[int, bytes]]:
     """Each character's width and its rows from the top, the leftmost pixel in the highest of `width` bits."""
     glyphs = {}
     rest = iter(characters)
     for band in pictures.strip("\n").split("\n\n"):
         rows = [row.split("|") for row in band.split("\n")]
         for place in range(len(rows[0])):
-            bits = tuple([int(row[place].replace("#", "1").replace(".", "0"), 2) for row in rows[:height]])
+            bits = bytes([int(row[place].replace("#", "1").replace(".", "0"), 2) for row in rows[:height]])
             glyphs[next(rest)] = (len(rows[0][place]), bits)
     return glyphs
 
@@ -114,7 +114,7 @@ class Font:
         self.height = height
         self.glyphs = _read(pictures, height, characters)
 
-    def glyph(self, character: str) -> tuple[int, tuple[int, ...]]:
+    def glyph(self, character: str) -> tuple[int, bytes]:
         """Width and rows of `character`; a capital for a small letter that is not drawn, `?` for any other."""
         found = self.glyphs.get(character) or self.glyphs.get(character.upper())
         return self.glyphs["?"] if found is None else found
@@ -130,3 +130,5 @@ _ASCII = "".join([chr(code) for code in range(0x20, 0x7F)])
 
 TALL = Font(7, _TALL, _ASCII)
 SMALL = Font(5, _SMALL, _ASCII[:0x41] + _ASCII[0x5B:])
+# A microcontroller has better uses for their room.
+del _TALL, _SMALL

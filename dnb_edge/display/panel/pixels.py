@@ -27,11 +27,10 @@ class Canvas:
         self.layout = layout
         """Which face belongs on it."""
         self.buffer = bytearray(width * height)
-        self._dark = bytes(width * height)
 
     def clear(self) -> None:
         """All dark."""
-        self.buffer[:] = self._dark
+        self.fill(0, 0, self.width, self.height, DARK)
 
     def set(self, x: int, y: int, colour: int) -> None:
         """One pixel; nothing outside the picture."""
@@ -64,7 +63,7 @@ class Canvas:
             at += (width + 1) * scale
         return max(0, at - x - scale)
 
-    def _glyph(self, x: int, y: int, width: int, rows: tuple[int, ...], colour: int, scale: int) -> None:
+    def _glyph(self, x: int, y: int, width: int, rows: bytes, colour: int, scale: int) -> None:
         for row in rows:
             bit = 1 << (width - 1)
             for at in range(x, x + width * scale, scale):

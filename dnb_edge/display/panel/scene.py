@@ -28,6 +28,7 @@ class Scene:
         self.what = self._what()
         self.lap = self.told.last or Lap(0, 0, 0, valid=True, similarity=None)
         """The latest complete lap; zeros before one."""
+        self.note = self.told.note.replace("http://", "")
         self.better = self.what == LAP and _is_of(panel.bettered, self.told.last)
         """True where the lap that has just been completed is the best one."""
         self.texts = self._texts()
@@ -73,8 +74,8 @@ class Scene:
         if self.what <= SILENT:
             return []
         texts = []
-        if told.note:
-            texts.append(told.note)
+        if self.note:
+            texts.append(self.note)
         if told.camera_lost:
             texts.append("CAMERA LOST")
         texts += told.warnings

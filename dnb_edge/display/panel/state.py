@@ -19,6 +19,7 @@ REASONS_KEPT = 2
 PLACES_KEPT = 8
 COUNT_ON_MS = 1500
 """Longest that the running time counts on by itself."""
+STEP_BACK_MS = 20
 _JUMP_MS = 300
 """A running time that is off by more than this is believed at once; anything less is the line's own delay."""
 
@@ -220,8 +221,8 @@ class Panel:
         behind = self._base_ms + t_ms - told_ms
         if not same or self._stands or not 0 <= behind <= _JUMP_MS:
             behind = 0
-        # The least delayed line is right; what is too early by it is lost in steps that nobody sees.
-        self._base_ms = told_ms - t_ms + behind - min(behind, max(4, behind // 4))
+        # The least delayed line is right; what is too early by it is lost in steps that are shorter than a frame.
+        self._base_ms = told_ms - t_ms + behind - min(behind, max(4, min(STEP_BACK_MS, behind // 4)))
         self._run_at = t_ms
 
 
