@@ -10,22 +10,20 @@ import logging
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
-from dnb_edge.assembly import Assembly, assemble, make_detector, make_header, make_scene, make_source
+from dnb_edge.assembly import make_header, make_scene, make_source
 from dnb_edge.capture.settings import changed_controls
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon.alone import alone, lock_directory
 from dnb_edge.daemon.camera import SameCamera
 from dnb_edge.daemon.catchup import ResumedCore
-from dnb_edge.daemon.drift import make_watch
 from dnb_edge.daemon.feed import FrameFeed
-from dnb_edge.daemon.last_good import LastGood
 from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.log_aside import log_aside
 from dnb_edge.daemon.loop import Race, Stop
@@ -33,17 +31,16 @@ from dnb_edge.daemon.machine import MachineWatch
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.recording import recording_settings
 from dnb_edge.daemon.resume import RESUME_WITHIN_S, Unfinished, find_unfinished, places_there, recover_aside
+from dnb_edge.daemon.rooms import Rooms, keeper, rooms_of
 from dnb_edge.daemon.sinks import BoardSink, RecordSink, Sink
-from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.uri import open_display
-from dnb_edge.errors import InputError, WorkError
+from dnb_edge.errors import WorkError
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.recover import Recovery, recover_directory
 from dnb_edge.record.writer import Recorder
 from dnb_edge.values import RunSummary, SourceInfo
-from dnb_edge.view.drift import DriftWatch
 
 log = logging.getLogger(__name__)
 
@@ -64,18 +61,6 @@ class RunOptions:
     """Why the configuration is that copy already; None where it is the user's own."""
     resume_within_s: float = RESUME_WITHIN_S
     """A run that was cut short no longer ago is gone on with, seconds; 0 for never."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Rooms:
-    """What a configuration means for the opened source."""
-
-    config: Config
-    assembly: Assembly
-    detector: Detector
-    drift: DriftWatch
-    config_fault: str | None
-    """Why `config` is the last good one; None where it is the user's own."""
 
 
 def run_appliance(
@@ -102,7 +87,7 @@ def run_appliance(
         if source.info.live:
             stack.enter_context(alone(lock_directory(_directory(config, options))))
             stack.enter_context(log_aside())
-        rooms = _rooms(config, options, source.info)
+        rooms = rooms_of(config, source.info, last_good=options.last_good, config_fault=options.config_fault)
         if live is not None and stop.is_set():
             # It took its time: nobody wants a recording without a frame.
             return RunSummary(frames=0, detected_frames=0, laps=0, recording=None)
@@ -111,61 +96,110 @@ def run_appliance(
             display = open_display(options.display_uri)
             stack.callback(display.close)
             shown.append(display)
-        directory = _directory(rooms.config, options)
-        header = make_header(rooms.config, rooms.assembly, source.info)
-        earlier = None if directory is None else _earlier(directory, header, rooms, options.resume_within_s)
-        recorder = None if directory is None else _start_recorder(directory, header, rooms, earlier)
-        core = _core(rooms.assembly.setup, earlier)
+        party = _Party(displays=shown, listeners=listeners, notifier=notifier, live=live)
         feed = FrameFeed(source, SameCamera(source.info, lambda uri: make_source(uri, config)))
-        board = BoardSink(
-            shown,
-            notifier,
-            rooms.assembly.setup.laps.laps,
-            first_t_ns=None if earlier is None else earlier.first_t_ns,
-            notices=None if live is None else live.notices,
-        )
-        shows: list[Sink] = [board, *_elsewhere(live, rooms, source.info, recorder)]
-        _tell_again(earlier, shows)
-        watching: list[Sink] = [*shows, *listeners]
-        # The recording comes first, so that what is shown has already been handed to the disk.
-        recording: list[Sink] = [] if recorder is None else [RecordSink(recorder)]
-        machine = MachineWatch(lambda: None if recorder is None else recorder.path.parent)
-        race = Race(
-            info=source.info,
-            feed=feed,
-            detector=rooms.detector,
-            core=core,
-            meter=_meter(rooms, source.info, earlier),
-            laps=0 if earlier is None else len(earlier.laps),
-            sinks=[*recording, *watching],
-            displays=shown,
-            notifier=notifier,
-            recorder=recorder,
-            stop=stop,
-            drift=rooms.drift,
-            machine=(lambda: machine.state) if source.info.live else None,
-            on_ready=_keeper(rooms, options),
-        )
-        with feed, machine if source.info.live else contextlib.nullcontext():
-            try:
-                summary = race.run()
-                if earlier is not None and isinstance(core, ResumedCore):
-                    summary = replace(
-                        summary,
-                        frames=summary.frames + earlier.frames,
-                        detected_frames=summary.detected_frames + core.detected_frames,
-                    )
-                if recorder is not None:
-                    recorder.add_event(summary)
-            finally:
-                # Before the camera is closed: a driver that hangs costs no recording.
-                _say_end(live, notifier, board)
-                path, failure = _finish(recorder)
-        summary = replace(summary, recording=path)
-        for sink in watching:
-            sink.event(summary)
-        if failure is not None:
-            raise failure
+        return _raced(_prepared(rooms, options, source.info, feed, party, stop), party)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Party:
+    """Whoever follows the run."""
+
+    displays: Sequence[Display]
+    listeners: Sequence[Sink]
+    notifier: ServiceNotifier
+    live: LiveRun | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Prepared:
+    """A run of which all is open and nothing has begun."""
+
+    race: Race
+    feed: FrameFeed
+    machine: MachineWatch | None
+    core: Core | ResumedCore
+    earlier: Unfinished | None
+    """What it goes on with."""
+    recorder: Recorder | None
+    board: BoardSink
+    watching: Sequence[Sink]
+    """All that hear of events, but for the recording."""
+
+
+def _prepared(
+    rooms: Rooms, options: RunOptions, info: SourceInfo, feed: FrameFeed, party: _Party, stop: Stop
+) -> _Prepared:
+    """Begins the recording, goes on with a run that was cut short, and tells everybody what there is."""
+    live = party.live
+    directory = _directory(rooms.config, options)
+    header = make_header(rooms.config, rooms.assembly, info)
+    earlier = None if directory is None else _earlier(directory, header, rooms, options.resume_within_s)
+    recorder = None if directory is None else _start_recorder(directory, header, rooms, earlier)
+    core = _core(rooms.assembly.setup, earlier)
+    board = BoardSink(
+        party.displays,
+        party.notifier,
+        rooms.assembly.setup.laps.laps,
+        first_t_ns=None if earlier is None else earlier.first_t_ns,
+        notices=None if live is None else live.notices,
+    )
+    shows: list[Sink] = [board, *_elsewhere(live, rooms, info, recorder)]
+    _tell_again(earlier, shows)
+    watching: list[Sink] = [*shows, *party.listeners]
+    # The recording comes first, so that what is shown has already been handed to the disk.
+    recording: list[Sink] = [] if recorder is None else [RecordSink(recorder)]
+    machine = MachineWatch(lambda: None if recorder is None else recorder.path.parent) if info.live else None
+    race = Race(
+        info=info,
+        feed=feed,
+        detector=rooms.detector,
+        core=core,
+        meter=_meter(rooms, info, earlier),
+        laps=0 if earlier is None else len(earlier.laps),
+        sinks=[*recording, *watching],
+        displays=party.displays,
+        notifier=party.notifier,
+        recorder=recorder,
+        stop=stop,
+        drift=rooms.drift,
+        machine=None if machine is None else lambda: machine.state,
+        on_ready=keeper(rooms, options.last_good),
+    )
+    return _Prepared(
+        race=race,
+        feed=feed,
+        machine=machine,
+        core=core,
+        earlier=earlier,
+        recorder=recorder,
+        board=board,
+        watching=watching,
+    )
+
+
+def _raced(run: _Prepared, party: _Party) -> RunSummary:
+    """Races to the end, and finishes the recording. Raises `WorkError` where that failed."""
+    with run.feed, run.machine if run.machine is not None else contextlib.nullcontext():
+        try:
+            summary = run.race.run()
+            if run.earlier is not None and isinstance(run.core, ResumedCore):
+                summary = replace(
+                    summary,
+                    frames=summary.frames + run.earlier.frames,
+                    detected_frames=summary.detected_frames + run.core.detected_frames,
+                )
+            if run.recorder is not None:
+                run.recorder.add_event(summary)
+        finally:
+            # Before the camera is closed: a driver that hangs costs no recording.
+            _say_end(party.live, party.notifier, run.board)
+            path, failure = _finish(run.recorder)
+    summary = replace(summary, recording=path)
+    for sink in run.watching:
+        sink.event(summary)
+    if failure is not None:
+        raise failure
     return summary
 
 
@@ -174,47 +208,7 @@ def _directory(config: Config, options: RunOptions) -> Path | None:
     return options.record_directory if options.record_directory is not None else config.record.directory
 
 
-def _rooms(config: Config, options: RunOptions, info: SourceInfo) -> _Rooms:
-    """Builds the rooms, from the last good configuration where the current one, or a file that it names, is damaged."""
-    try:
-        return _built(config, info, options.config_fault)
-    except InputError as error:
-        if options.last_good is None or options.config_fault is not None:
-            raise
-        try:
-            return _built(LastGood(options.last_good).load(), info, str(error))
-        except InputError:
-            # Of two faults the user can mend the first.
-            raise error from None
-
-
-def _built(config: Config, info: SourceInfo, config_fault: str | None) -> _Rooms:
-    assembly = assemble(config, info)
-    return _Rooms(
-        config=config,
-        assembly=assembly,
-        detector=make_detector(config, assembly.setup.ground),
-        drift=make_watch(config.view, assembly.setup, info),
-        config_fault=config_fault,
-    )
-
-
-def _keeper(rooms: _Rooms, options: RunOptions) -> Callable[[], None] | None:
-    """What keeps the configuration as the last good one, in its own thread; None where it is that already, or need not be."""
-    directory = options.last_good
-    if directory is None or rooms.config_fault is not None:
-        return None
-
-    def keep() -> None:
-        try:
-            LastGood(directory).keep(rooms.config)
-        except (OSError, InputError) as error:
-            log.warning("%s: the configuration cannot be kept as the last good one: %s", directory, error)
-
-    return threading.Thread(target=keep, name="last-good", daemon=True).start
-
-
-def _earlier(directory: Path, header: RunHeader, rooms: _Rooms, within_s: float) -> Unfinished | None:
+def _earlier(directory: Path, header: RunHeader, rooms: Rooms, within_s: float) -> Unfinished | None:
     """The run that was cut short and that this one goes on with; None where there is none. All others are recovered first."""
     found = None
     places = places_there(directory, rooms.config.record.fallback)
@@ -243,7 +237,7 @@ def _core(setup: CoreSetup, earlier: Unfinished | None) -> Core | ResumedCore:
     return core
 
 
-def _start_recorder(directory: Path, header: RunHeader, rooms: _Rooms, earlier: Unfinished | None) -> Recorder:
+def _start_recorder(directory: Path, header: RunHeader, rooms: Rooms, earlier: Unfinished | None) -> Recorder:
     settings = recording_settings(rooms.config.record, directory, live=header.source.live)
     header = replace(header, resumed_from=None if earlier is None else earlier.name)
     return Recorder(settings, header, make_scene(rooms.assembly.setup))
@@ -258,7 +252,7 @@ def _recover(directory: Path, *, leave: Sequence[Path]) -> None:
             log.warning("not recovered: %s", result.reason)
 
 
-def _elsewhere(live: LiveRun | None, rooms: _Rooms, info: SourceInfo, recorder: Recorder | None) -> tuple[Sink, ...]:
+def _elsewhere(live: LiveRun | None, rooms: Rooms, info: SourceInfo, recorder: Recorder | None) -> tuple[Sink, ...]:
     """Whoever tells other processes of the race, which begins now."""
     if live is None:
         return ()
@@ -291,7 +285,7 @@ def _finish(recorder: Recorder | None) -> tuple[str | None, WorkError | None]:
         return None, error
 
 
-def _meter(rooms: _Rooms, info: SourceInfo, earlier: Unfinished | None) -> Meter:
+def _meter(rooms: Rooms, info: SourceInfo, earlier: Unfinished | None) -> Meter:
     assembly = rooms.assembly
     fault, reason = rooms.config_fault, assembly.setup.not_scored_because
     return Meter(

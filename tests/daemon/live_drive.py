@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dnb_edge.cli import run_means
-from dnb_edge.daemon import appliance
+from dnb_edge.daemon import appliance, rooms
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import Clock, Detection, Frame, FrameDetections, LostFrames, SourceInfo, StampSource
 
@@ -81,7 +81,7 @@ def play() -> None:
     """From now on `drive:` is a source."""
     usual = appliance.make_source
     appliance.make_source = lambda uri, config: Drive(uri) if uri == "drive:" else usual(uri, config)
-    appliance.make_detector = lambda *_: Truth()
+    rooms.make_detector = lambda *_: Truth()
     simply = run_means.source_of
     run_means.source_of = lambda uri, asked: Drive(uri) if uri == "drive:" else simply(uri, asked)
 

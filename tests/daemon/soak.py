@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
-from dnb_edge.daemon import appliance
+from dnb_edge.daemon import appliance, rooms
 from dnb_edge.daemon import feed as feed_module
 from dnb_edge.daemon.sinks import LiveJsonSink
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
@@ -164,7 +164,7 @@ def main() -> None:
         next_index = [0]
         appliance.make_source = lambda uri, config: FastCamera(rig, given.speed, next_index, drawn=given.network)
         if not given.network:
-            appliance.make_detector = lambda *_: Truth(rig)
+            rooms.make_detector = lambda *_: Truth(rig)
         master, slave = os.openpty()
         reading, writing = os.pipe()
         in_background(lambda: drain(master))

@@ -13,7 +13,7 @@ from played import Clip, Watcher, frame, info
 
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
-from dnb_edge.daemon import appliance
+from dnb_edge.daemon import appliance, rooms
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.daemon.resume import Unfinished, find_unfinished, places_there
 from dnb_edge.record import names
@@ -267,7 +267,7 @@ def test_what_was_cut_short_on_a_stick_is_recovered_too(tmp_path: Path, monkeypa
         [f"record.fallback=[{part.parent}]", f"record.directory={tmp_path / 'card'}"],
     )
     monkeypatch.setattr(appliance, "make_source", lambda uri, config: Clip([frame(number) for number in range(3)]))
-    monkeypatch.setattr(appliance, "make_detector", lambda *_: Watcher())
+    monkeypatch.setattr(rooms, "make_detector", lambda *_: Watcher())
     summary = run_appliance(config, RunOptions(source_uri="played:"))
     assert [path.name for path in part.parent.glob("run-*.mcap*")] == [part.name.removesuffix(".part")]
     assert summary.recording is not None

@@ -9,7 +9,7 @@ from played import Clip, Watcher, frame
 
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
-from dnb_edge.daemon import appliance
+from dnb_edge.daemon import appliance, rooms
 from dnb_edge.daemon.appliance import RunOptions, run_appliance
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import CameraControl, Event, Frame, FrameDetections, Health
@@ -44,7 +44,7 @@ def test_what_the_camera_took_otherwise_is_a_warning_all_the_time(
     clip = Clip([frame(number) for number in range(250)])
     clip.info = replace(clip.info, controls=controls)
     monkeypatch.setattr(appliance, "make_source", lambda uri, config: clip)
-    monkeypatch.setattr(appliance, "make_detector", lambda *_: Watcher())
+    monkeypatch.setattr(rooms, "make_detector", lambda *_: Watcher())
     listener = Healths()
     with caplog.at_level(logging.WARNING):
         run_appliance(
