@@ -13,15 +13,16 @@ HEAP = "384k"
 
 
 def found():
-    """The command's words, `MICROPYTHON` before what the PATH has. Skips where there is none."""
-    program = os.environ.get("MICROPYTHON") or shutil.which("micropython")
-    if program is None:
-        pytest.skip("no micropython on this machine: apt install micropython (Debian 13), or set MICROPYTHON")
-    return (program,)
+    """The program, `MICROPYTHON` before what the PATH has; None where there is none."""
+    return os.environ.get("MICROPYTHON") or shutil.which("micropython")
 
 
-def run(command, *words, heap=HEAP):
-    """What it prints for a script of this repository, as seen from its root."""
+def run(*words, heap=HEAP, command=None):
+    """What it prints for a script, from the repository's root. `command`: words instead of what `found` has; skips without."""
+    if command is None:
+        if (program := found()) is None:
+            pytest.skip("no micropython on this machine: apt install micropython (Debian 13), or set MICROPYTHON")
+        command = (program,)
     words = [*command, "-X", f"heapsize={heap}", *map(str, words)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, cwd=HERE.parents[1])
     assert done.returncode == 0, done.stdout + done.stderr

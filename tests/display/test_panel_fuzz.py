@@ -1,6 +1,5 @@
 """Rubbish on the line: no crash, no picture that differs from a new panel's after the next repaint, no memory that grows."""
 
-import micropython
 import on_device
 import panel_cases
 import pytest
@@ -24,9 +23,9 @@ def test_half_a_megabyte_of_rubbish(seed):
 @pytest.mark.parametrize("layout", face.LAYOUTS)
 def test_micropython_draws_the_same_pixels(layout):
     """Every picture of every face, drawn by MicroPython in a microcontroller's memory, is bit for bit the one drawn here."""
-    on_device.draws_the_same(micropython.found(), layout)
+    on_device.draws_the_same(layout)
 
 
 def test_micropython_stands_a_megabyte_of_rubbish():
     """The same bytes as a microcontroller's Python reads them."""
-    on_device.stands_rubbish(micropython.found())
+    on_device.stands_rubbish()

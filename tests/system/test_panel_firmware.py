@@ -39,7 +39,7 @@ def micropython():
 @pytest.mark.parametrize("layout", face.LAYOUTS)
 def test_the_display_draws_the_simulators_pixels(micropython, layout):
     """Every picture of every face is bit for bit the simulator's, in a microcontroller's memory."""
-    on_device.draws_the_same(micropython, layout)
+    on_device.draws_the_same(layout, micropython)
 
 
 def test_the_display_stands_a_megabyte_of_rubbish(micropython):
