@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -18,9 +19,13 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "pictures" / "guides"
 LAYOUT = ROOT / "configs" / "foxglove-layout.json"
 CERTIFICATE = ROOT / "docs" / "certificates" / "0.1.0.json"
+TEACHING = ROOT / "docs" / "teaching.md"
 BOARD = ROOT / "docs" / "pictures" / "board.png"
 
 INK, GREY, PALE, BLUE, ORANGE, PURPLE = "#1a1b1f", "#6a6a70", "#d9d7d0", "#0b57a4", "#b35900", "#6a25ab"
+
+STUDENT_4 = 2.776
+"""Student's t for 95 % and four degrees of freedom: five laps."""
 
 Point = tuple[float, float]
 
@@ -241,6 +246,36 @@ def errors() -> str:
     return _picture(740, 400, "Errors of 1,000 laps in the accuracy certificate", parts)
 
 
+def groups() -> str:
+    """The five laps of each group of docs/teaching.md, with their mean and its 95 % interval."""
+    rows = re.findall(
+        r"^\| (\d) \| ([\d., ]+) \| [\d.]+ \| [\d.]+ \| [\d.]+ to", TEACHING.read_text(encoding="utf-8"), re.MULTILINE
+    )
+
+    def x(time_s: float) -> float:
+        return 110 + (time_s - 5.9) * 400
+
+    parts = [_line((x(t / 10), 40), (x(t / 10), 60 + 34 * len(rows)), PALE) for t in range(60, 75, 2)]
+    parts += [
+        _text(x(t / 10), 80 + 34 * len(rows), f"{t / 10:.1f} s", anchor="middle", size=13, fill=GREY)
+        for t in range(60, 75, 2)
+    ]
+    for k, (group, times) in enumerate(rows):
+        laps, y = [float(one) for one in times.split(", ")], 60 + 34 * k
+        mean_s = sum(laps) / len(laps)
+        sd_s = math.sqrt(sum((lap - mean_s) ** 2 for lap in laps) / (len(laps) - 1))
+        half_s = STUDENT_4 * sd_s / math.sqrt(len(laps))
+        parts += [
+            _text(20, y + 5, f"group {group}"),
+            _line((x(mean_s - half_s), y), (x(mean_s + half_s), y), BLUE, 9, stroke_opacity="0.3"),
+            *(_dot((x(lap), y), ORANGE, 4.5) for lap in laps),
+            _line((x(mean_s), y - 10), (x(mean_s), y + 10), BLUE, 3),
+        ]
+    parts.append(_text(110, 26, "● laps   ", fill=ORANGE))
+    parts.append(_text(180, 26, "| mean, with its 95 % interval: each overlaps with each", fill=BLUE))
+    return _picture(740, 100 + 34 * len(rows), "Five laps of each of eight groups, with mean and interval", parts)
+
+
 def board() -> str:
     """The board with numbers beside what the text explains."""
     picture = base64.b64encode(BOARD.read_bytes()).decode()
@@ -304,6 +339,7 @@ PICTURES: dict[str, Callable[[], str]] = {
     "crossing.svg": crossing,
     "errors.svg": errors,
     "foxglove-layout.svg": foxglove,
+    "groups.svg": groups,
     "similarity.svg": similarity,
 }
 """Each drawing's file in docs/pictures/guides, and what draws it."""
