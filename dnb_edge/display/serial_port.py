@@ -16,7 +16,7 @@ import time
 import serial
 
 from dnb_edge.display import messages, protocol
-from dnb_edge.display.base import ClosesOnExit, DisplayStatus, Mailbox
+from dnb_edge.display.base import ClosesOnExit, DisplayStatus, Mailbox, is_urgent
 from dnb_edge.display.state import BoardState
 
 WRITE_TIMEOUT_S = 0.2
@@ -104,7 +104,8 @@ class SerialDisplay(ClosesOnExit):
             closing = self._mailbox.closed
             patience_s = 0.0 if shown is None else SIGN_OF_LIFE_S
             state = self._mailbox.take(pause_s=min(PERIOD_S, patience_s), patience_s=patience_s) or BoardState()
-            if shown is None or time.monotonic() - painted_s > REPAINT_S:
+            # A repaint tells of no crossing, and many lines before the lap: what cannot wait goes first.
+            if shown is None or (time.monotonic() - painted_s > REPAINT_S and not is_urgent(shown, state)):
                 told = messages.repaint(state)
                 painted_s = time.monotonic()
             else:

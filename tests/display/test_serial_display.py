@@ -7,6 +7,7 @@ import serial
 from display_events import crossing, health, lap, race
 from pty_line import Firmware, PtyLine, wait_until
 
+from dnb_edge.display import serial_port
 from dnb_edge.display.base import DisplayStatus
 from dnb_edge.display.protocol import BAUD
 from dnb_edge.display.serial_port import WRITE_TIMEOUT_S, SerialDisplay, write_lines
@@ -62,6 +63,20 @@ def test_silence_is_broken_by_signs_of_life_and_repaints(line):
         line.listen(firmware, lambda heard: heard.repaints >= 1 and heard.shown["laps"])
         late = Firmware()
         line.listen(late, lambda heard: heard.repaints >= 1 and set(heard.shown["laps"]) == {1, 2})
+
+
+def test_a_crossing_is_told_though_a_repaint_is_due(line, monkeypatch):
+    """With a repaint due at every moment, crossings and laps are still told as news, and repaints come in between."""
+    monkeypatch.setattr(serial_port, "REPAINT_S", 0.0)
+    firmware = Firmware()
+    with SerialDisplay(str(line.path)) as display:
+        display.post(race(1))
+        line.listen(firmware, lambda heard: 1 in heard.shown["laps"])
+        for laps in (2, 3, 4):
+            display.post(race(laps))
+            line.listen(firmware, lambda heard, laps=laps: laps in heard.shown["laps"])
+        line.listen(firmware, lambda heard, before=firmware.repaints: heard.repaints > before)
+    assert firmware.crossings == [race(laps).crossed_s for laps in (2, 3, 4)]
 
 
 def test_a_port_that_is_not_there_is_offline_and_found_when_it_comes(tmp_path):
