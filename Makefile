@@ -61,8 +61,9 @@ docs: .venv/.docs-installed ## The documentation as a site in build/site, to be 
 	@$(BIN)/sphinx-build -q -W --keep-going -c docs -d build/site-doctrees . build/site
 	@$(BIN)/python docs/tools/check_site.py build/site --outside build/site-outside-links.txt
 
-docs-pages: .venv/.docs-installed ## Write the pages that are made from code: config.md, commands.md, troubleshooting.md
+docs-pages: .venv/.docs-installed ## Write the pages that are made from code (config.md, commands.md, troubleshooting.md) and the guides' drawings
 	@$(BIN)/python docs/tools/write_pages.py
+	@$(BIN)/python docs/tools/guides_pictures.py
 
 docs-links: .venv/.docs-installed ## Try the documentation's links to other sites (needs a network)
 	$(call say,sphinx-build -b linkcheck)
