@@ -26,6 +26,7 @@ from dnb_edge.web.setup_draft import (
     RouteChoice,
     StoredPicture,
 )
+from dnb_edge.web.setup_flicker import FlickerWatch
 from dnb_edge.web.setup_models import (
     FlattenBody,
     KeypointsBody,
@@ -53,6 +54,7 @@ class Setup:
         self._folder = box.settings.setup
         self._store = DraftStore(box.settings.setup)
         self._one_at_a_time = asyncio.Lock()
+        self._flicker = FlickerWatch()
 
     async def page(self, request: Request) -> Response:
         """GET /setup."""
@@ -170,7 +172,7 @@ class Setup:
     async def look(self, request: Request) -> Response:
         """GET /api/v1/setup/look?after=T_NS."""
         picture = await self._box.daemon.picture(newer_than_ns=request.state.query.after)
-        found = await run_in_threadpool(setup_changes.looked, picture.jpeg)
+        found, flicker = await run_in_threadpool(setup_changes.looked, picture, self._flicker)
         return _json(
             LookAnswer(
                 t_ns=picture.t_ns,
@@ -180,6 +182,7 @@ class Setup:
                 dark_share=found.dark_share,
                 bright_share=found.bright_share,
                 fault=found.fault,
+                flicker=flicker,
             )
         )
 

@@ -10,6 +10,7 @@ import hashlib
 from pathlib import Path
 
 from dnb_edge.errors import InputError, WorkError
+from dnb_edge.live.messages import Picture
 from dnb_edge.track.twin import load_twin
 from dnb_edge.view.photograph import SEAM_M
 from dnb_edge.web import setup_look, setup_save, setup_steps, setup_track, setup_upload
@@ -24,6 +25,7 @@ from dnb_edge.web.setup_draft import (
     ScaleChoice,
     StoredPicture,
 )
+from dnb_edge.web.setup_flicker import FlickerWatch
 from dnb_edge.web.setup_keypoints import sigma_picture
 from dnb_edge.web.setup_models import FlattenBody, LaneBody, LineBody, LinesBody
 
@@ -134,9 +136,10 @@ def sigma(store: DraftStore) -> bytes:
     return sigma_picture(known.keypoints, known.metric_track, load_twin(store.path(draft.twin)), photo)
 
 
-def looked(jpeg: bytes) -> setup_look.PictureLook:
-    """How sharp and how well exposed the camera's picture is."""
-    return setup_look.look_at(setup_upload.decoded(jpeg, what="the camera's picture"))
+def looked(picture: Picture, flicker: FlickerWatch) -> tuple[setup_look.PictureLook, str | None]:
+    """How sharp and how well exposed the camera's picture is, and what to say of lamps that flicker."""
+    image = setup_upload.decoded(picture.jpeg, what="the camera's picture")
+    return setup_look.look_at(image), flicker.look(picture, image)
 
 
 def stored_bytes(store: DraftStore, stored: StoredPicture) -> bytes:

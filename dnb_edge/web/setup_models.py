@@ -208,6 +208,8 @@ class LookAnswer(Answered):
     """Share of px without any shade left in them."""
     fault: str | None
     """What is wrong with the picture, in words."""
+    flicker: str | None = None
+    """What to do about lamps that flicker in the pictures of the last seconds; null where none do, or too few were seen."""
 
 
 class SaveAnswer(Answered):

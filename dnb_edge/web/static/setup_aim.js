@@ -40,6 +40,8 @@ export function aimStep(setup) {
     byId("light").textContent = said.fault === null
       ? `Good: ${percent(said.dark_share)} black, ${percent(said.bright_share)} without shade.`
       : said.fault[0].toUpperCase() + said.fault.slice(1);
+    byId("flicker").textContent = said.flicker ?? "";
+    byId("flicker").hidden = said.flicker === null;
   }
 
   byId("focus-anew").addEventListener("click", () => { best = {}; });
