@@ -110,4 +110,5 @@ class DisplayConfig(BaseModel):
     model_config = STRICT
 
     uri: str | None = None
-    """serial:/dev/ttyUSB0; none for no display. The command line's --display wins."""
+    """serial:/dev/ttyUSB0, or spi:/dev/spidev0.0 for a MAX7219 panel on the box's own pins; none for no display. The command
+    line's --display wins."""

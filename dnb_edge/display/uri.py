@@ -9,15 +9,18 @@ from collections.abc import Callable
 from functools import partial
 
 from dnb_edge.display.base import Display
+from dnb_edge.display.luma_device import parse_spi
+from dnb_edge.display.luma_display import open_luma
 from dnb_edge.display.serial_port import SerialDisplay
 from dnb_edge.display.terminal import TerminalDisplay
 from dnb_edge.errors import InputError
 
 
 def open_display(uri: str) -> Display:
-    """The display at `uri`: `serial:/dev/ttyUSB0`, or `terminal:` on stderr.
+    """The display at `uri`: `serial:/dev/ttyUSB0`, `spi:/dev/spidev0.0` for a panel on the box's own pins, `terminal:`, stderr.
 
-    A serial port that is not there is no error: the display is offline until it comes. Raises `InputError` as `check_uri` does.
+    A port that is not there is no error: the display is offline until it comes. Raises `InputError` as `check_uri` does, and
+    where a display on SPI lacks luma.
     """
     return _opener(uri)()
 
@@ -35,6 +38,10 @@ def _opener(uri: str) -> Callable[[], Display]:
     scheme, _, rest = uri.partition(":")
     if scheme == "serial" and rest.startswith("/") and rest.isprintable():
         return partial(SerialDisplay, rest)
+    if scheme == "spi":
+        return partial(open_luma, parse_spi(rest))
     if uri == "terminal:":
         return TerminalDisplay
-    raise InputError(f"display {uri!r}: use serial:/dev/ttyUSB0 (any serial port, by its full path) or terminal:")
+    raise InputError(
+        f"display {uri!r}: use serial:/dev/ttyUSB0 (any serial port, by its full path), spi:/dev/spidev0.0 or terminal:"
+    )

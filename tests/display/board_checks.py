@@ -78,10 +78,11 @@ def check_matrix_shows_every_pixel():
 
 
 def check_matrix_hung_upside_down():
-    """Settings `turn` 180 and `reverse` show a picture upright on the usual board hung upside down."""
-    chain, canvas = Max7219Chain(4), noisy(32, 8, 7, colours=2)
-    max7219.Matrix(chain, chain.load, 32, turn=180, reverse=True).show(canvas)
-    assert turned_about(matrix_rows(chain)) == as_rows(canvas)
+    """`upside_down` shows a picture upright on a panel that hangs upside down, whatever its make."""
+    for turn, reverse in ((0, False), (90, True), (270, False)):
+        chain, canvas = Max7219Chain(4), noisy(32, 8, 7, colours=2)
+        max7219.Matrix(chain, chain.load, 32, turn=turn, reverse=reverse, upside_down=True).show(canvas)
+        assert turned_about(matrix_rows(chain, turn, reverse)) == as_rows(canvas)
 
 
 def check_matrix_mends_itself():
@@ -172,10 +173,10 @@ def check_oled_mends_itself():
 def check_hub75_shows_every_colour():
     """Any picture is lit on a HUB75 panel in the right lamps, none while rows change, brighter with the setting, for ever."""
     shares = []
-    for brightness in (0, 3, 15):
+    for brightness, upside_down in ((0, False), (3, True), (15, False)):
         board, canvas = Hub75Panel(), noisy(64, 32, brightness)
         pico = with_modules(Pico(tell_panel=board.pins))
-        driver = hub75.Hub75(COLOURS, 0, brightness)
+        driver = hub75.Hub75(COLOURS, 0, brightness, upside_down=upside_down)
         driver.begin()
         driver.show(canvas)
         picture = hub75.ROWS * hub75.STEPS // 2
@@ -184,6 +185,8 @@ def check_hub75_shows_every_colour():
         driver.begin()
         pico.run(2 * picture)
         seen = board.seen()
+        if upside_down:
+            seen = [list(reversed(row)) for row in reversed(seen)]
         for y in range(32):
             assert seen[y] == [LAMPS[pixel] for pixel in canvas.buffer[y * 64 : y * 64 + 64]], (brightness, y)
         assert board.moved_while_lit == 0

@@ -3,11 +3,9 @@
 import sys
 
 import board_checks
-import micropython
+import on_board
 import pytest
-from micropython import HERE
 
-from dnb_edge.display import flash
 from dnb_edge.display.panel import face
 from dnb_edge.display.panel.board import hub75, settings
 
@@ -27,11 +25,12 @@ def test_on_cpython(check):
 
 def test_on_micropython(tmp_path):
     """The same checks by the interpreter that boards have, with the files that are written to a board."""
-    for path, content in flash.board_files().items():
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_bytes(content)
-    printed = micropython.run(HERE / "board_checks.py", tmp_path, heap="2m")
-    assert printed.endswith(f"all {len(board_checks.CHECKS)} checks passed\n")
+    on_board.passes_the_checks(on_board.here(), tmp_path)
+
+
+def test_a_race_on_micropython(tmp_path):
+    """From the appliance's serial display over a pseudo-terminal to the lit pixels."""
+    on_board.shows_a_race(on_board.here(), tmp_path)
 
 
 def test_every_layout_has_a_panel():

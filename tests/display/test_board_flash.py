@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tty
 
-import micropython
+import on_board
 import pytest
 from micropython import HERE
 
@@ -57,10 +57,7 @@ def _cpython():
 
 
 def _micropython():
-    found = micropython.found()
-    if found is None:
-        pytest.skip("no micropython on this machine: apt install micropython (Debian 13), or set MICROPYTHON")
-    return [found]
+    return list(on_board.here())
 
 
 @pytest.fixture(params=[_cpython, _micropython], ids=["cpython", "micropython"])

@@ -71,9 +71,10 @@ def _bits(red: int, green: int, blue: int) -> int:
 class Hub75:
     """A panel on 13 pins in a row from `first_pin` on, and the clock on the pin after them."""
 
-    def __init__(self, colours, first_pin: int = 0, brightness: int = 3) -> None:
+    def __init__(self, colours, first_pin: int = 0, brightness: int = 3, *, upside_down: bool = False) -> None:
         self._colours = colours
         self._first_pin = first_pin
+        self._upside_down = upside_down
         self._table = Table(brightness)
         self._moved = None
 
@@ -84,7 +85,8 @@ class Hub75:
 
     def show(self, surface) -> None:
         """Light `surface`, a Canvas of 64 x 32."""
-        self._table.take(surface.buffer, self._colours)
+        pixels = surface.buffer
+        self._table.take(bytes(reversed(pixels)) if self._upside_down else pixels, self._colours)
 
 
 def _program(rp2):

@@ -53,9 +53,9 @@ class Chain:
 class Matrix(Chain):
     """A row of 8x8 matrices, such as the blue modules "FC-16" of four: wires on the right, seen from the front, upright.
 
-    Other modules: `reverse` where the wires are on the left, `turn` where each matrix is turned by 90, 180 or 270 degrees
-    clockwise on its board, `mirror` where it shows letters as a mirror does. `reverse` and `turn` 180 together are the same
-    panel hung upside down.
+    `upside_down` where the whole panel hangs the other way up, wires on the left. Other modules: `reverse` where the first
+    matrix is the leftmost one, `turn` where each matrix is turned by 90, 180 or 270 degrees clockwise on its board, `mirror`
+    where it shows letters as a mirror does.
     """
 
     def __init__(
@@ -68,8 +68,11 @@ class Matrix(Chain):
         turn: int = 0,
         reverse: bool = False,
         mirror: bool = False,
+        upside_down: bool = False,
     ) -> None:
         super().__init__(spi, cs, width // 8, brightness)
+        if upside_down:
+            turn, reverse = (turn + 180) % 360, not reverse
         self._order = []
         for row in range(8):
             for sent in range(self._count):

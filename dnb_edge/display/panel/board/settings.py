@@ -26,8 +26,8 @@ DEFAULTS = {
     "upside_down": False,
     "checksums": True,
 }
-"""What holds where the file says nothing. `turn`, `reverse` and `mirror` are for matrices and digits of MAX7219, `upside_down`
-for OLED panels. `checksums` false lets lines typed by hand pass without one."""
+"""What holds where the file says nothing. `turn`, `reverse` and `mirror` are for MAX7219 alone; digits of seven segments know
+no `upside_down`. `checksums` false lets lines typed by hand pass without one."""
 
 
 def judge(settings) -> str:

@@ -28,7 +28,7 @@ def make(settings, machine, wait_us):
         data = machine.Pin(TM_DATA, machine.Pin.OPEN_DRAIN, value=1)
         return tm1637.Tm1637(clock, data, wait_us, 6 if "6" in panel[7:] else 4, brightness)
     if panel.startswith("hub75"):
-        return hub75.Hub75(COLOURS, HUB75_FIRST, brightness)
+        return hub75.Hub75(COLOURS, HUB75_FIRST, brightness, upside_down=settings["upside_down"])
     i2c = machine.I2C(0, sda=machine.Pin(I2C_DATA), scl=machine.Pin(I2C_CLOCK), freq=400000)
     first_column = ssd1306.SH1106_FIRST_COLUMN if panel.startswith("sh1106") else 0
     return ssd1306.Oled(i2c, brightness=brightness, first_column=first_column, upside_down=settings["upside_down"])
@@ -47,6 +47,5 @@ def _max7219(settings, machine):
     brightness, reverse = settings["brightness"], settings["reverse"]
     if settings["panel"] == "max7219-8-digits":
         return max7219.DigitRow(spi, select, brightness, reverse=reverse)
-    return max7219.Matrix(
-        spi, select, 32, brightness, turn=settings["turn"], reverse=reverse, mirror=settings["mirror"]
-    )
+    turned = {name: settings[name] for name in ("turn", "reverse", "mirror", "upside_down")}
+    return max7219.Matrix(spi, select, 32, brightness, **turned)
