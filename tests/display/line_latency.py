@@ -3,10 +3,10 @@
 python tests/display/line_latency.py [--seconds 120] [--cars 2]
 
 The appliance runs a simulated race in real time and speaks to a pseudo-terminal; this script is the display. Two moments are
-taken of each CROSS, LAP and CARLAP line: when its last byte came (as over USB), and when it would have left a wire of 115200 baud,
-behind whatever was sent before it. They are compared with two moments of the event: when the appliance printed it as JSON, that
-is when it knew, and when the car crossed, by the stamps of the frames. A crossing is known only when it has been confirmed by the
-frames behind the line. Prints JSON, milliseconds.
+taken of each CROSS, LAP and CARLAP line: when its last byte came, as over USB, and when it would have left a wire of 115200
+baud, behind whatever was sent before it. They are compared with two moments of the event: when the appliance printed it as
+JSON, that is when it knew, and when the car crossed, by the stamps of the frames. A crossing is known only when frames behind
+the line have confirmed it. Prints JSON, milliseconds.
 """
 
 import argparse
@@ -77,11 +77,9 @@ def race(seconds, cars, folder):
             stderr=log,
             env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )
-        told = []
         ends = threading.Timer(seconds, process.terminate)
         ends.start()
-        for line in process.stdout:
-            told.append((time.monotonic(), json.loads(line)))
+        told = [(time.monotonic(), json.loads(line)) for line in process.stdout]
         process.wait()
         ends.cancel()
     display.done = True
