@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
+from dnb_edge.cli.display_flash import flash
 from dnb_edge.display.panel import face
 from dnb_edge.display.panel.state import Panel
 from dnb_edge.display.simulator import Surface, in_terminal, png
@@ -22,6 +23,8 @@ app = typer.Typer(help="Try out a lap display, and put its software on a real on
 
 AFTER_S = 0.5
 """From the last line to the picture that is written: what flashes at a crossing is over."""
+
+app.command("flash")(flash)
 
 
 @app.callback()

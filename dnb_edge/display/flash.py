@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import os
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -97,25 +98,27 @@ def flash(
     *,
     tell: Callable[[str, int, int], None] = lambda _path, _done, _all: None,
 ) -> Flashed:
-    """Write the firmware onto the board at `port` and start it. None for `settings` leaves the board's own, if it has any.
+    """Write the firmware onto the board at `port` and start it. `settings` go over those that the board has.
 
     `tell` hears of each file: its path, how many are done, how many there are. Raises `InputError` where the port is not
     there or the settings are wrong, `WorkError` where the board does not answer, is too old, or does not keep what was written.
     """
-    wanted = board_files()
-    if settings is not None:
-        wanted = {SETTINGS: checked_settings(settings), **wanted}
+    changes = settings or {}
+    checked_settings(changes)
     with _opened(port) as line:
         try:
-            return _write_all(_Repl(line), port, wanted, tell)
+            return _write_all(_Repl(line), port, changes, tell)
         except PORT_FAULTS as fault:
             raise WorkError(f"{port}: the board went away while it was written: {fault}") from fault
 
 
-def _write_all(repl: _Repl, port: str, wanted: Mapping[str, bytes], tell: Callable[[str, int, int], None]) -> Flashed:
+def _write_all(repl: _Repl, port: str, changes: Mapping[str, object], tell: Callable[[str, int, int], None]) -> Flashed:
     repl.enter()
     version = _version(repl, port)
     repl.run(_HELPERS)
+    wanted = board_files()
+    if changes:
+        wanted = {SETTINGS: checked_settings({**_settings_there(repl), **changes}), **wanted}
     there: dict[str, str] = json.loads(repl.run(f"print(json.dumps(sums({['panel', 'panel/board']!r})))"))
     written: list[str] = []
     unchanged: list[str] = []
@@ -139,6 +142,16 @@ def _write_all(repl: _Repl, port: str, wanted: Mapping[str, bytes], tell: Callab
     return Flashed(
         port=port, micropython=version, written=tuple(written), unchanged=tuple(unchanged), removed=tuple(stale)
     )
+
+
+def _settings_there(repl: _Repl) -> dict[str, object]:
+    """The board's own settings; none where it has none that it would take."""
+    text: str = json.loads(repl.run(f"print(json.dumps(text_of({SETTINGS!r})))"))
+    try:
+        told = json.loads(text)
+    except ValueError:
+        return {}
+    return told if not board_settings.judge(told) else {}
 
 
 def _version(repl: _Repl, port: str) -> str:
@@ -180,6 +193,12 @@ def sum_of(path):
             total.update(part)
             part = file.read(512)
     return binascii.hexlify(total.digest()).decode()
+def text_of(path):
+    try:
+        with open(path) as file:
+            return file.read()
+    except (OSError, ValueError):
+        return ''
 def listed(folder):
     try:
         return os.listdir(folder)
@@ -268,8 +287,10 @@ def _opened(port: str) -> Iterator[Any]:
     try:
         line = serial.Serial(port, protocol.BAUD, timeout=0.05, write_timeout=ANSWER_S, exclusive=True)
     except PORT_FAULTS as fault:
+        number = getattr(fault, "errno", None)
+        reason = os.strerror(number) if isinstance(number, int) else str(fault)
         raise InputError(
-            f"{port}: cannot be opened ({fault}): is the board plugged in, and does nothing else use it? A running service"
+            f"{port}: cannot be opened ({reason}): is the board plugged in, and does nothing else use it? A running service"
             " has it: sudo systemctl stop dnb-edge"
         ) from fault
     with line:

@@ -103,6 +103,19 @@ def test_twice_writes_nothing(board):
     assert board.files() == before
 
 
+def test_settings_go_over_those_that_are_there(board):
+    """One setting changes and the others stay; a file that a board would not take is written anew."""
+    flash.flash(board.plug(), {"panel": "hub75-64x32", "upside_down": True})
+    done = flash.flash(board.plug(), {"brightness": 9})
+    assert done.written[0] == "settings.json"
+    there = json.loads(board.files()["settings.json"])
+    assert there == {"panel": "hub75-64x32", "upside_down": True, "brightness": 9}
+    for wrong in (b"{}}", b'{"panel": "vt100"}', b"\xff\xfe"):
+        (board.folder / "settings.json").write_bytes(wrong)
+        flash.flash(board.plug(), {"brightness": 2})
+        assert json.loads(board.files()["settings.json"]) == {"brightness": 2}
+
+
 def test_an_older_firmware_is_replaced(board):
     """What changed is written, what is no more goes, and other people's files stay."""
     flash.flash(board.plug())
