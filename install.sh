@@ -2,6 +2,8 @@
 # Installs dnb-edge on Debian 12 or 13 or Raspberry Pi OS, upgrades it, takes it back, or removes it. Asks nothing; may be
 # repeated. What it does and leaves, and why: docs/install.md. Its parts are in systemd/installer/.
 set -euo pipefail
+# The end of a pipe sets variables here: <(...) needs /dev/fd, which is not there where a card's contents are built.
+shopt -s lastpipe
 umask 022
 
 here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)

@@ -61,7 +61,8 @@ check_room() {
 free_mb() {
     local at=$opt
     while [ ! -d "$at" ]; do at=${at%/*}; done
-    df -Pm "${at:-/}" | awk 'NR == 2 { print $4 }'
+    # Not df: it wants /proc.
+    printf '%s\n' "$(($(stat -f -c '%a * %S / 1048576' "${at:-/}")))"
 }
 
 missing_debian_packages() {
@@ -71,12 +72,12 @@ missing_debian_packages() {
 
 install_debian_packages() {
     local missing=() debs=() line
-    mapfile -t missing < <(missing_debian_packages)
+    missing_debian_packages | mapfile -t missing
     [ ${#missing[@]} -gt 0 ] || return 0
     step "installing Debian packages: ${missing[*]}"
     local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -y -o DPkg::Lock::Timeout=300)
     line=$(log_lines)
-    if [ -n "$wheels" ]; then mapfile -t debs < <(find "$wheels" -name '*.deb'); fi
+    if [ -n "$wheels" ]; then find "$wheels" -name '*.deb' | mapfile -t debs; fi
     if [ ${#debs[@]} -gt 0 ]; then
         quietly "${apt[@]}" install --no-install-recommends --no-download "${debs[@]}" ||
             failed "apt-get could not install the packages in $wheels: $(reason_since "$line")"
@@ -85,6 +86,6 @@ install_debian_packages() {
         quietly "${apt[@]}" install --no-install-recommends "${missing[@]}" ||
             failed "apt-get could not install ${missing[*]}: $(reason_since "$line")"
     fi
-    mapfile -t missing < <(missing_debian_packages)
+    missing_debian_packages | mapfile -t missing
     [ ${#missing[@]} -eq 0 ] || failed "$python still lacks what ${missing[*]} brings: is it Debian's own Python?"
 }

@@ -49,7 +49,7 @@ add_extras() {
 
 put_optional() {
     local name folder as
-    read -r name folder as < <(optional_files | grep "^$1 ")
+    optional_files | grep "^$1 " | read -r name folder as
     mkdir -p "$root$folder"
     put_file "$here/systemd/$name" "$root$folder/$as"
 }

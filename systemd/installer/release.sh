@@ -7,7 +7,7 @@ settle_release() {
     now=$(current_release)
     if [ -n "$now" ] && [ ${#extras[@]} -eq 0 ]; then
         # What was asked for once is wanted in the next release, too.
-        read -ra extras < <(kept_note "$now" extras) || true
+        kept_note "$now" extras | read -ra extras || true
     fi
     sources=$(digest_of_sources)
     pins=$(digest_of_pins)
@@ -85,6 +85,7 @@ build_release() {
     install_python_packages
     mkdir -p "$release/kit"
     cp -r "$here/systemd" "$here/install.sh" "$release/kit/"
+    ln -sfn kit/install.sh "$release/install.sh"
     check_release
     # On the disk, not on its way there, before anything leads to it.
     sync -f "$release"
@@ -122,8 +123,9 @@ install_python_packages() {
         pip+=(--no-deps --force-reinstall)
     else
         # What builds the package stays, so that the next release needs no network.
-        mapfile -t builders < <("$python" -c 'import sys, tomllib
-print(*tomllib.load(open(sys.argv[1], "rb"))["build-system"]["requires"], sep="\n")' "$here/pyproject.toml" | grep .)
+        "$python" -c 'import sys, tomllib
+print("\n".join(tomllib.load(open(sys.argv[1], "rb"))["build-system"]["requires"]), end="")' "$here/pyproject.toml" |
+            mapfile -t builders
         if [ ${#builders[@]} -gt 0 ]; then
             quietly "${pip[@]}" "${builders[@]}" || failed "pip could not install ${builders[*]}: $(reason_since "$line")"
         fi
@@ -172,13 +174,13 @@ PYTHON
 prune_releases() {
     local at kept=0 now
     now=$(current_release)
-    while read -r at; do
+    releases_newest_first | while read -r at; do
         if [ "$at" = "$now" ]; then continue; fi
         if [ $((kept++)) -ge 1 ]; then
             note "removing ${at##*/}"
             rm -rf "$at"
         fi
-    done < <(releases_newest_first)
+    done
 }
 
 # By the moment at which they were last led to, which the time of .complete tells.
@@ -197,13 +199,12 @@ download_wheels() {
     step "downloading to $download"
     mkdir -p "$download"
     scratch=$(mktemp -d)
-    mapfile -t names < <("$python" -c 'import sys, tomllib
+    # systemd-python is Debian's, since it has no wheels.
+    "$python" -c 'import sys, tomllib
 project = tomllib.load(open(sys.argv[1], "rb"))["project"]
-for extra in sys.argv[2:]:
-    project["dependencies"] += project["optional-dependencies"][extra]
-# systemd-python is Debian'"'"'s, since it has no wheels.
-print("\n".join(name for name in project["dependencies"] if not name.startswith("systemd-python")))' \
-        "$here/pyproject.toml" "${extras[@]}")
+wanted = sum((project["optional-dependencies"][extra] for extra in sys.argv[2:]), project["dependencies"])
+print("\n".join(name for name in wanted if not name.startswith("systemd-python")))' \
+        "$here/pyproject.toml" "${extras[@]}" | mapfile -t names
     line=$(log_lines)
     "$python" -m venv "$scratch/venv"
     quietly "$scratch/venv/bin/pip" download --disable-pip-version-check --only-binary=:all: -c "$here/constraints.txt" \

@@ -2,16 +2,25 @@
 # How install.sh speaks, ends, and runs what may be interrupted. Knows nothing of dnb-edge.
 
 stage=checking # building: a release is being made; switching: the machine is being changed; done
-child=''
+child='' told=no
 
 # The log may lie on a full disk: that it cannot be written ends nothing.
 step() { printf '== %s\n' "$*" | tee -a "$log" || true; }
 note() { printf '   %s\n' "$*" | tee -a "$log" || true; }
 
 # The user can mend it, and nothing was done.
-bad() { printf 'dnb-edge: %s\n' "$*" >&2 && exit 2; }
+bad() {
+    told=yes
+    printf 'dnb-edge: %s\n' "$*" >&2
+    exit 2
+}
+
 # It did not work, and on_exit puts everything back.
-failed() { printf 'dnb-edge: %s\n' "$*" | tee -a "$log" >&2 && exit 1; }
+failed() {
+    told=yes
+    printf 'dnb-edge: %s\n' "$*" | tee -a "$log" >&2 || true
+    exit 1
+}
 
 # Takes the lock, opens the log, and makes sure that whatever ends this leaves nothing half done.
 begin() {
@@ -38,6 +47,9 @@ on_exit() {
     trap '' INT TERM HUP
     # A failure in here must not end it.
     set +e
+    if [ "$code" -ne 0 ] && [ "$told" = no ]; then
+        printf 'dnb-edge: install.sh stopped at something that it does not foresee; the line above says at what\n' >&2
+    fi
     if [ -n "$child" ]; then
         kill -- "-$child" 2>/dev/null
         wait "$child" 2>/dev/null

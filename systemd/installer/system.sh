@@ -40,7 +40,7 @@ switch_to() {
     made_users=no
     if systemd_runs && [ "$(phase_now)" = racing ]; then raced=yes; fi
     if [ -d "$opt/venv" ] && [ ! -L "$opt/venv" ]; then keep_what_was; fi
-    if [ -n "$previous$before" ]; then mapfile -t enabled < <(wanted_units); else enabled=("${units[@]}"); fi
+    if [ -n "$previous$before" ]; then wanted_units | mapfile -t enabled; else enabled=("${units[@]}"); fi
     stage=switching
     if [ "$new" = "$previous" ] && files_are_as_in "$new"; then
         if ! systemd_runs || [ "$start" = no ] || systemctl is-active --quiet "${enabled[@]}" 2>/dev/null; then
@@ -77,18 +77,18 @@ keep_what_was() {
     before=$(unused "$opt/releases/before-$(date -u +%Y%m%d-%H%M%S)")
     step "keeping the older installation in $opt/venv as ${before##*/}"
     mkdir -p "$opt/venv/kit/systemd"
-    while read -r name folder as; do
+    managed_files | while read -r name folder as; do
         if [ -f "$root$folder/$as" ]; then cp -p "$root$folder/$as" "$opt/venv/kit/systemd/$name"; fi
-    done < <(managed_files)
+    done
     printf 'version=before\n' >"$opt/venv/.complete"
 }
 
 files_are_as_in() {
     local name folder as
-    while read -r name folder as; do
+    managed_files | while read -r name folder as; do
         if is_optional "$as" && [ ! -e "$root$folder/$as" ]; then continue; fi
         cmp -s "$1/kit/systemd/$name" "$root$folder/$as" || return 1
-    done < <(managed_files)
+    done
     [ -L "$root/usr/local/bin/dnb-edge" ]
 }
 
@@ -97,7 +97,7 @@ is_optional() { optional_files | grep -q " $1\$"; }
 # Each file in one rename. What a release does not have, and another one had, goes.
 put_files() {
     local name folder as from to
-    while read -r name folder as; do
+    managed_files | while read -r name folder as; do
         from=$1/kit/systemd/$name to=$root$folder/$as
         if is_optional "$as" && [ ! -e "$to" ]; then continue; fi
         if [ ! -f "$from" ]; then
@@ -107,14 +107,14 @@ put_files() {
             mkdir -p "${to%/*}"
             put_file "$from" "$to"
         fi
-    done < <(managed_files)
+    done
     mkdir -p "$root/usr/local/bin"
     ln -sfn /opt/dnb-edge/venv/bin/dnb-edge "$root/usr/local/bin/dnb-edge"
 }
 
 put_file() {
-    if install -m 644 "$1" "$2.new" 2>>"$log" && mv -T "$2.new" "$2"; then return; fi
-    rm -f "$2.new"
+    if install -m 644 "$1" "$2.new" 2>>"$log" && mv -T "$2.new" "$2" 2>>"$log"; then return; fi
+    rm -rf "$2.new"
     failed "$2 could not be written: is the disk full? (see df -h)"
 }
 
@@ -125,7 +125,9 @@ make_users() {
         quietly systemd-sysusers ${root:+"--root=$root"} dnb-edge.conf || failed "the users dnb-edge and dnb-edge-web were not made"
     fi
     if [ -e "$root/usr/lib/tmpfiles.d/dnb-edge.conf" ]; then
-        quietly systemd-tmpfiles ${root:+"--root=$root"} --create dnb-edge.conf || failed "/var/lib/dnb-edge was not made"
+        # The start of the machine makes them, too: without /proc, where a card's contents are built, it is left to that.
+        quietly systemd-tmpfiles ${root:+"--root=$root"} --create dnb-edge.conf || ! systemd_runs ||
+            failed "/var/lib/dnb-edge was not made"
     fi
     # Its configuration is root's; the service's group reads it.
     mkdir -p "$root/etc/dnb-edge"
@@ -195,22 +197,16 @@ switch_back() {
     fi
     if systemd_runs; then
         systemctl daemon-reload >>"$log" 2>&1
-        mapfile -t back < <(wanted_units)
+        wanted_units | mapfile -t back
         systemctl start "${back[@]}" >>"$log" 2>&1
     fi
     printf 'dnb-edge: rolled back: %s runs as before\n' "${previous:+${previous##*/}}" >&2
 }
 
 roll_back() {
-    local to=''
-    local now at
+    local to now
     now=$(current_release)
-    while read -r at; do
-        if [ "$at" != "$now" ]; then
-            to=$at
-            break
-        fi
-    done < <(releases_newest_first)
+    to=$(releases_newest_first | grep -vxF "$now" | sed -n 1p) || true
     [ -n "$now" ] || failed "dnb-edge is not installed by install.sh here: there is nothing to go back to"
     [ -n "$to" ] || failed "there is no release before ${now##*/} to go back to"
     if [ "$dry_run" = yes ]; then
@@ -245,7 +241,7 @@ take_away() {
     local name folder as
     if systemd_runs; then systemctl stop "${units[@]}" dnb-edge-foxglove.service >>"$log" 2>&1 || true; fi
     systemctl --quiet disable "${units[@]}" dnb-edge-foxglove.service >>"$log" 2>&1 || true
-    while read -r name folder as; do rm -f "$root$folder/$as" "$root$folder/$as.new"; done < <(managed_files)
+    managed_files | while read -r name folder as; do rm -f "$root$folder/$as" "$root$folder/$as.new"; done
     if [ "$(readlink "$root/usr/local/bin/dnb-edge")" = /opt/dnb-edge/venv/bin/dnb-edge ]; then
         rm -f "$root/usr/local/bin/dnb-edge"
     fi
@@ -274,7 +270,7 @@ remove_users() {
 
 say_plan() {
     local missing=() name folder as
-    mapfile -t missing < <(missing_debian_packages)
+    missing_debian_packages | mapfile -t missing
     if [ ${#missing[@]} -gt 0 ]; then note "would install Debian packages: ${missing[*]}"; fi
     if [ -n "$built" ]; then
         note "$version is installed already, from the same sources"
@@ -283,10 +279,10 @@ say_plan() {
     else
         note "would build $release with all Python packages${wheels:+, from $wheels}"
     fi
-    while read -r name folder as; do
+    managed_files | while read -r name folder as; do
         if is_optional "$as" && [ ! -e "$root$folder/$as" ]; then continue; fi
         cmp -s "$here/systemd/$name" "$root$folder/$as" || note "would write $folder/$as"
-    done < <(managed_files)
+    done
     note "would lead /opt/dnb-edge/venv there, start ${units[*]}, and go back where that is not healthy"
     say_planned_extras
 }

@@ -84,7 +84,7 @@ def test_upgrades_share_packages_and_two_releases_are_kept(machine, checkout):
     assert machine.releases == sorted((second.name, third.name))
     # Without the clone, by the copy that lies in the release.
     for wanted in (second, third):
-        back = machine.install(machine.opt / "venv/kit", "--rollback")
+        back = machine.install(machine.opt / "venv", "--rollback")
         assert back.returncode == 0, back.stderr
         assert machine.current == wanted
         assert machine.running("dnb-edge") is not None
@@ -107,7 +107,7 @@ def test_an_upgrade_that_is_not_healthy_is_taken_back(machine, checkout, behavio
     with (clone / "systemd/dnb-edge.service").open("a") as unit:
         unit.write("# another one\n")
     (clone / "systemd/dnb-edge-journald.conf").unlink()
-    failed = machine.install(clone)
+    failed = machine.install(clone, DNB_EDGE_HEALTH_S="3")
     assert failed.returncode == 1
     assert word in failed.stderr.splitlines()[0]
     assert "rolled back: 1.0-" in failed.stderr
@@ -163,9 +163,9 @@ def test_an_installation_from_before_releases_is_kept_and_can_come_back(machine,
     assert older.read_text() != text
     machine.environment["DNB_EDGE_HEALTH_S"] = "1"
     # It serves no socket, so it cannot be healthy, and the newer one stays.
-    assert machine.install(machine.opt / "venv/kit", "--rollback").returncode == 1
+    assert machine.install(machine.opt / "venv", "--rollback").returncode == 1
     assert leads_to(machine, "1.0")
-    back = machine.install(machine.opt / "venv/kit", "--rollback", "--no-start")
+    back = machine.install(machine.opt / "venv", "--rollback", "--no-start")
     assert back.returncode == 0, back.stderr
     assert machine.current == kept
     assert older.read_text() == text
@@ -191,7 +191,7 @@ def test_uninstalling_leaves_what_users_made_and_purging_does_not(machine, check
     config.write_text("name: mine\n")
     run.write_text("laps")
     # By the copy in the release, which goes on the way.
-    done = machine.install(machine.opt / "venv/kit", "--uninstall")
+    done = machine.install(machine.opt / "venv", "--uninstall")
     assert done.returncode == 0, done.stderr
     assert not machine.opt.exists()
     assert machine.running("dnb-edge") is None

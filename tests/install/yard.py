@@ -192,7 +192,7 @@ class Machine:
 
     def begin(self, checkout: Path, *options: str, **environment: str) -> subprocess.Popen[str]:
         """Starts install.sh of `checkout`."""
-        words = {"DNB_EDGE_ROOT": str(self.root), "PYTHON": sys.executable, "DNB_EDGE_HEALTH_S": "5", "LC_ALL": "C.UTF-8",
+        words = {"DNB_EDGE_ROOT": str(self.root), "PYTHON": sys.executable, "DNB_EDGE_HEALTH_S": "60", "LC_ALL": "C.UTF-8",
                  "PATH": f"{self.root}/bin-of-the-test:{os.environ['PATH']}", "HOME": str(self.root.parent), "PIP_RETRIES": "0",
                  "PIP_NO_INDEX": "1"}  # fmt: skip
         return subprocess.Popen(

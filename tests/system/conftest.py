@@ -10,7 +10,7 @@ from harness import reel
 from harness.appliance import Appliance
 from harness.guest import Guest, GuestFault
 from harness.image import BuildFailed, image, obstacle
-from harness.recipe import CACHE
+from harness.recipe import BOOKWORM, CACHE, TRIXIE
 from harness.webcam import Webcam
 
 HERE = Path(__file__).parent
@@ -27,10 +27,26 @@ def pytest_ignore_collect(collection_path, config):
 @pytest.fixture(scope="session")
 def system_image():
     """The guest's image with this checkout's dnb-edge installed; skips where this machine cannot have one."""
+    return _image_or_skip(TRIXIE)
+
+
+@pytest.fixture(scope="session")
+def clean_image():
+    """A Debian 13 as somebody finds it who is about to install dnb-edge, without a network: see `harness.image`."""
+    return _image_or_skip(TRIXIE, clean=True)
+
+
+@pytest.fixture(scope="session")
+def older_image():
+    """As `system_image`, with Debian 12."""
+    return _image_or_skip(BOOKWORM)
+
+
+def _image_or_skip(suite, *, clean=False):
     if (reason := obstacle()) is not None:
         pytest.skip(f"a virtual machine {reason}")
     try:
-        return image()
+        return image(suite, clean=clean)
     except BuildFailed as failed:
         if "needs the network" in str(failed):
             pytest.skip(f"a virtual machine {failed}")
@@ -57,10 +73,26 @@ def guest(system_image, logs):
 @pytest.fixture
 def boot_guest(system_image, logs):
     """`boot_guest(**settings)` boots a guest from cold, settings as for `Guest`; several in a test are fine."""
+    yield from _boots(system_image, logs)
+
+
+@pytest.fixture
+def boot_clean_guest(clean_image, logs):
+    """As `boot_guest`, with a Debian 13 that dnb-edge is not installed on."""
+    yield from _boots(clean_image, logs)
+
+
+@pytest.fixture
+def boot_older_guest(older_image, logs):
+    """As `boot_guest`, with Debian 12."""
+    yield from _boots(older_image, logs)
+
+
+def _boots(of, logs):
     booted = []
 
     def boot(**settings):
-        booted.append(Guest(system_image, logs, **settings))
+        booted.append(Guest(of, logs, **settings))
         booted[-1].boot()
         return booted[-1]
 

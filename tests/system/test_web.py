@@ -1,4 +1,4 @@
-"""The pages beside the race, each under its own unit, both installed as systemd/README.md says: what a browser gets of them.
+"""The pages beside the race, each under its own unit, both as install.sh leaves them: what a browser gets of them.
 
 This machine speaks HTTP to the guest's port 8080 through ssh. Emulation is slow: nothing here is timed.
 """
@@ -12,19 +12,11 @@ import pytest
 from harness import reel
 from harness.appliance import DISPLAY_URI, PATIENCE_S, RUNS, note
 from harness.guest import GuestFault
-from harness.image import SOURCE
 from mcap.reader import make_reader
 
 from dnb_edge.display import protocol
 
 WEB = "dnb-edge-web"
-INSTALL = (
-    f"install -D -m 644 {SOURCE}/systemd/dnb-edge.tmpfiles.conf /usr/lib/tmpfiles.d/dnb-edge.conf",
-    "systemd-tmpfiles --create dnb-edge.conf",
-    f"install -m 644 {SOURCE}/systemd/{WEB}.service /etc/systemd/system/",
-    "systemctl daemon-reload",
-)
-"""As systemd/README.md says; the rest of it is in the image."""
 ENABLE = f"systemctl enable --now dnb-edge {WEB}"
 CODE = re.compile(r"\b(\d{4}) ?(\d{4})\b")
 
@@ -64,8 +56,7 @@ def enabled(guest, appliance, webcam, logs):
     # What a busy host does to an emulated race is not what is tested here.
     appliance.install(config, unit_lines="WatchdogSec=0\nTimeoutStartSec=infinity\n")
     guest.put("[Service]\nWatchdogSec=0\nTimeoutStartSec=infinity\n", f"/etc/systemd/system/{WEB}.service.d/test.conf")
-    for line in INSTALL:
-        guest.run(line)
+    guest.run("systemctl daemon-reload")
     began_s = time.monotonic()
     guest.run(ENABLE, timeout_s=PATIENCE_S)
     return time.monotonic() - began_s

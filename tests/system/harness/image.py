@@ -1,12 +1,13 @@
-"""The guest's disk: a Debian made by mmdebstrap, dnb-edge installed in it as systemd/README.md says, written by `mke2fs -d`.
+"""The guest's disk: a Debian made by mmdebstrap, dnb-edge installed in it by its own install.sh, written by `mke2fs -d`.
 
-Two steps, each kept under build/system-test/: the Debian with all that dnb-edge needs, which changes seldom, and dnb-edge,
-which changes all the time. Nothing is mounted. Needs root. Knows no virtual machine.
+Two steps, each kept under build/system-test/: a clean Debian and one on which dnb-edge was installed, which change seldom; and
+this checkout, to which that one is upgraded, all the time. Nothing is mounted. Needs root. Knows no virtual machine.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import logging
 import os
 import shutil
@@ -26,7 +27,11 @@ SIZE = "4G"
 VENV = "/opt/dnb-edge/venv"
 SOURCE = "/usr/src/dnb-edge"
 TEST_SITE = "/opt/test-site"
-"""In the guest: where the package is installed, what it was installed from, and what only tests import."""
+WHEELS = "/wheels"
+DEBS = "/srv/debs"
+REPOSITORY = "/srv/dnb-edge.git"
+"""In the guest: where the package is installed, what it was installed from, and what only tests import; wheels of all that it
+stands on, Debian packages that install.sh asks for, and on a clean one this checkout as git has it."""
 
 _ENVIRONMENT = {
     "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
@@ -77,13 +82,15 @@ def obstacle() -> str | None:
     return None
 
 
-def image() -> Image:
+def image(suite: recipe.Suite = recipe.TRIXIE, *, clean: bool = False) -> Image:
     """The image of this checkout, built where it is not cached. Raises `BuildFailed` where it cannot be.
 
+    A `clean` one has only what somebody finds who is about to install dnb-edge.
     `DNB_EDGE_SYSTEM_IMAGE` names the folder of an older one to take as it is, while the package under it is being worked on.
     """
-    chosen = os.environ.get("DNB_EDGE_SYSTEM_IMAGE")
-    folder = Path(chosen).resolve() if chosen else recipe.CACHE / f"image-{recipe.package_key()}"
+    chosen = os.environ.get("DNB_EDGE_SYSTEM_IMAGE") if suite == recipe.TRIXIE and not clean else None
+    kind = f"image-{suite.name}{'-clean' if clean else ''}"
+    folder = Path(chosen).resolve() if chosen else recipe.CACHE / f"{kind}-{recipe.package_key(suite)}"
     made = Image(
         folder=folder,
         disk=folder / "disk.img",
@@ -94,7 +101,8 @@ def image() -> Image:
     _use(folder)
     with alone():
         if not (folder / "done").exists():
-            _build(made)
+            _remove_unused(f"{kind}-[0-9a-f]*")
+            _build(made, suite, clean=clean)
     return made
 
 
@@ -130,61 +138,63 @@ class BuildFailed(Exception):
     """The image could not be built; says which command failed and where its output is."""
 
 
-def _build(made: Image) -> None:
+def _build(made: Image, suite: recipe.Suite, *, clean: bool) -> None:
     recipe.CACHE.mkdir(parents=True, exist_ok=True)
     if not made.key.exists():
         _run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", made.key)
-    tree = _base(made.key)
-    _remove_unused("image-*")
+    base = _base(suite, made.key)
     shutil.rmtree(made.folder, ignore_errors=True)
     made.folder.mkdir()
     begun_s = time.monotonic()
-    _install_package(tree)
+    tree = base / ("clean" if clean else "installed")
+    if clean:
+        _publish(tree)
+    else:
+        _install_package(tree)
     for name, to in (("vmlinuz", made.kernel), ("initrd.img", made.initrd)):
         (at,) = tree.glob(f"boot/{name}-*")
         shutil.copy(at, to)
     _run("mke2fs", "-q", "-t", "ext4", "-d", tree, "-L", "root", "-m", "0", made.disk, SIZE)
     (made.folder / "done").touch()
-    log.info("image: dnb-edge installed and the disk written in %.0f s", time.monotonic() - begun_s)
+    what = "a clean disk" if clean else "dnb-edge installed and the disk"
+    log.info("image: %s of Debian %s written in %.0f s", what, suite.name, time.monotonic() - begun_s)
 
 
-def _base(key: Path) -> Path:
-    """The Debian as a folder, with everything that dnb-edge needs."""
-    tree = recipe.CACHE / f"base-{recipe.base_key()}"
-    if (tree / "done").exists():
-        return tree
-    for old in recipe.CACHE.glob("base-*"):
+def _base(suite: recipe.Suite, key: Path) -> Path:
+    """Two folders: a `clean` Debian, and the same with dnb-edge `installed`."""
+    base = recipe.CACHE / f"base-{suite.name}-{recipe.base_key(suite)}"
+    if (base / "done").exists():
+        return base
+    for old in (*recipe.CACHE.glob(f"base-{suite.name}-*"), *recipe.CACHE.glob("base-????????????")):
         shutil.rmtree(old)
-    if (reason := _no_network()) is not None:
+    if (reason := _no_network(suite)) is not None:
         raise BuildFailed(reason)
     begun_s = time.monotonic()
-    log.info("image: making a Debian %s with mmdebstrap; %s has the details", recipe.SUITE, _log_file())
-    wheels = recipe.CACHE / "wheels"
-    _fetch_wheels(wheels)
-    fetched_s = time.monotonic()
-    _debootstrap(tree)
+    log.info("image: making a Debian %s with mmdebstrap; %s has the details", suite.name, _log_file())
+    base.mkdir()
+    clean, installed = base / "clean", base / "installed"
+    _debootstrap(suite, clean)
     made_s = time.monotonic()
-    _settle_in(tree, key)
-    shutil.copytree(wheels, tree / "wheels")
-    pip = f"{VENV}/bin/pip"
-    # As "make VENV_FLAGS=--system-site-packages": libcamera's bindings come from apt.
-    _chroot(tree, "python3", "-m", "venv", "--system-site-packages", VENV)
-    shutil.copy(recipe.REPOSITORY / "constraints.txt", tree / "wheels")
-    offline = ("install", "--quiet", "--no-index", "--find-links", "/wheels", "-c", "/wheels/constraints.txt")
-    _chroot(tree, pip, *offline, "--ignore-installed", *recipe.requirements())
-    _chroot(tree, pip, *offline, "--target", TEST_SITE, *recipe.TEST_PACKAGES)
-    (tree / "done").touch()
+    _settle_in(clean, key)
+    _archive(clean)
+    _fetch_wheels(suite, clean / WHEELS.lstrip("/"))
+    fetched_s = time.monotonic()
+    _run("cp", "-a", clean, installed)
+    _install_package(installed)
+    offline = ("install", "--quiet", "--no-index", "--find-links", WHEELS, "-c", f"{SOURCE}/constraints.txt")
+    _chroot(installed, f"{VENV}/bin/pip", *offline, "--target", TEST_SITE, *recipe.TEST_PACKAGES)
+    (base / "done").touch()
     log.info(
-        "image: wheels %.0f s, mmdebstrap %.0f s, installing them %.0f s",
-        fetched_s - begun_s,
-        made_s - fetched_s,
-        time.monotonic() - made_s,
+        "image: mmdebstrap %.0f s, wheels %.0f s, install.sh %.0f s",
+        made_s - begun_s,
+        fetched_s - made_s,
+        time.monotonic() - fetched_s,
     )
-    return tree
+    return base
 
 
-def _no_network() -> str | None:
-    at = f"{recipe.MIRROR}/dists/{recipe.SUITE}/InRelease"
+def _no_network(suite: recipe.Suite) -> str | None:
+    at = f"{recipe.MIRROR}/dists/{suite.name}/InRelease"
     try:
         with urllib.request.urlopen(at, timeout=30):
             return None
@@ -192,35 +202,71 @@ def _no_network() -> str | None:
         return f"needs the network once, to build the guest's image, and there is none cached: {at}: {error}"
 
 
-def _fetch_wheels(folder: Path) -> None:
+def _fetch_wheels(suite: recipe.Suite, folder: Path) -> None:
     """Wheels for the guest's Python of everything that dnb-edge needs, as constraints.txt pins it."""
-    shutil.rmtree(folder, ignore_errors=True)
     pip = (sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "-d", folder)
     pins = ("-c", recipe.REPOSITORY / "constraints.txt")
     platforms = [word for platform in recipe.PLATFORMS for word in ("--platform", platform)]
+    # That one has no wheels; install.sh takes Debian's.
     wanted = [name for name in recipe.requirements() if not name.startswith("systemd-python")]
-    _run(*pip, *pins, "--only-binary=:all:", "--python-version", recipe.PYTHON, *platforms, *wanted,
+    _run(*pip, *pins, "--only-binary=:all:", "--python-version", suite.python, *platforms, *wanted,
          *recipe.TEST_PACKAGES, "setuptools>=77", "wheel")  # fmt: skip
-    # This one has no wheels: it is compiled in the guest's own Debian.
-    _run(*pip, *pins, "--no-deps", "--no-binary=:all:", "systemd-python")
 
 
-def _debootstrap(tree: Path) -> None:
-    packages = ",".join((*recipe.SYSTEM, *recipe.AS_THE_README_SAYS, *recipe.CAMERAS))
+def _debootstrap(suite: recipe.Suite, tree: Path) -> None:
+    packages = ",".join((*recipe.SYSTEM, *suite.cameras))
     early = tree.with_suffix(".early")
     # Before the kernel's own package makes the initial ram disk.
     (early / "conf.d").mkdir(parents=True, exist_ok=True)
     (early / "conf.d" / "guest").write_text("MODULES=list\nCOMPRESS=zstd\n")
     (early / "modules").write_text("\n".join(recipe.FIRST_MODULES) + "\n")
     without = ("man", "doc", "locale")
+    download = f"apt-get --yes --no-install-recommends --download-only install {' '.join(recipe.DEBS)}"
     _run(
         "mmdebstrap", "--variant=minbase", "--mode=root", f"--include={packages}", "--keyring=/usr/share/keyrings",
         *(f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in without),
         f'--essential-hook=mkdir -p "$1/etc/initramfs-tools" && cp -r {early}/. "$1/etc/initramfs-tools/"',
+        f'--customize-hook=rm -f "$1"/var/cache/apt/archives/*.deb && APT_CONFIG="$MMDEBSTRAP_APT_CONFIG" {download} &&'
+        f' mkdir -p "$1{DEBS}" && mv "$1"/var/cache/apt/archives/*.deb "$1{DEBS}"',
         '--customize-hook=rm -rf "$1"/var/cache/apt/* "$1"/var/lib/apt/lists/*',
-        recipe.SUITE, tree, recipe.MIRROR,
+        suite.name, tree, recipe.MIRROR,
     )  # fmt: skip
     shutil.rmtree(early)
+
+
+def _archive(tree: Path) -> None:
+    """Makes the folder of Debian packages an archive, and the only one that the guest's apt knows."""
+    entries = []
+    for deb in sorted((tree / DEBS.lstrip("/")).glob("*.deb")):
+        fields = subprocess.run(["dpkg-deb", "-f", deb], capture_output=True, text=True, check=True).stdout
+        digest = hashlib.sha256(deb.read_bytes()).hexdigest()
+        entries.append(f"{fields}Filename: ./{deb.name}\nSize: {deb.stat().st_size}\nSHA256: {digest}\n")
+    (tree / DEBS.lstrip("/") / "Packages").write_text("\n".join(entries))
+    (tree / "etc/apt/sources.list").write_text(f"deb [trusted=yes] file:{DEBS} ./\n")
+    (tree / "etc/apt/apt.conf.d/90guest").write_text('Acquire::Languages "none";\n')
+
+
+def _publish(tree: Path) -> None:
+    """This checkout as a repository that git clones: the guest has no network."""
+    at = tree / REPOSITORY.lstrip("/")
+    shutil.rmtree(at, ignore_errors=True)
+    shutil.rmtree(tree / SOURCE.lstrip("/"), ignore_errors=True)
+    work = at.with_suffix(".work")
+    _copy_package(work)
+    git = ("git", "-C", work, "-c", "user.name=Test", "-c", "user.email=test@example.org")
+    _run(*git, "init", "--quiet", "--initial-branch=main")
+    _run(*git, "add", "--all", "--force")
+    _run(*git, "commit", "--quiet", "-m", "As it is")
+    _run("git", "clone", "--quiet", "--bare", work, at)
+    shutil.rmtree(work)
+
+
+def _copy_package(to: Path) -> None:
+    shutil.rmtree(to, ignore_errors=True)
+    for file in recipe.package_files():
+        at = to / file.relative_to(recipe.REPOSITORY)
+        at.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, at)
 
 
 def _settle_in(tree: Path, key: Path) -> None:
@@ -244,30 +290,11 @@ def _settle_in(tree: Path, key: Path) -> None:
 
 
 def _install_package(tree: Path) -> None:
-    """dnb-edge, by the lines of systemd/README.md; a configuration is each test's own."""
-    source = tree / SOURCE.lstrip("/")
-    shutil.rmtree(source, ignore_errors=True)
-    for file in recipe.package_files():
-        to = source / file.relative_to(recipe.REPOSITORY)
-        to.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(file, to)
-    pip = f"{VENV}/bin/pip"
-    offline = ("--quiet", "--no-index", "--find-links", "/wheels", "-c", f"{SOURCE}/constraints.txt")
-    _chroot(tree, pip, "install", *offline, "--force-reinstall", "--no-deps", SOURCE)
-    _chroot(tree, pip, "install", *offline, SOURCE)
-    shutil.rmtree(source / "build", ignore_errors=True)
-    _chroot(
-        tree,
-        "install",
-        "-D",
-        "-m",
-        "644",
-        f"{SOURCE}/systemd/dnb-edge.sysusers.conf",
-        "/usr/lib/sysusers.d/dnb-edge.conf",
-    )
-    _chroot(tree, "systemd-sysusers", "dnb-edge.conf")
-    _chroot(tree, "install", "-m", "644", f"{SOURCE}/systemd/dnb-edge.service", "/etc/systemd/system/")
-    _chroot(tree, "systemctl", "--quiet", "enable", "dnb-edge")
+    """dnb-edge by its own install.sh, without a network; a configuration is each test's own."""
+    _copy_package(tree / SOURCE.lstrip("/"))
+    _chroot(tree, f"{SOURCE}/install.sh", "--wheels", WHEELS, "--no-start")
+    # Emulated processors are slow: a test of the pages switches them on.
+    _chroot(tree, "systemctl", "--quiet", "disable", "dnb-edge-web")
 
 
 def _chroot(tree: Path, *words: str) -> None:

@@ -8,26 +8,40 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 CACHE = REPOSITORY / "build" / "system-test"
 
-EDITION = 1
+EDITION = 2
 """To be raised when `image` makes the Debian in another way."""
-SUITE = "trixie"
-"""Debian 13, the base of today's Raspberry Pi OS."""
 MIRROR = "http://deb.debian.org/debian"
-PYTHON = "3.13"
-"""That suite's own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suite:
+    """A Debian that dnb-edge is installed on."""
+
+    name: str
+    python: str
+    """Its own Python."""
+    cameras: tuple[str, ...]
+    """Packages that play cameras, or speak to them."""
+
+
+TRIXIE = Suite(name="trixie", python="3.13", cameras=("v4l-utils", "usbip", "python3-libcamera", "libcamera-ipa"))
+"""Debian 13, the base of today's Raspberry Pi OS."""
+BOOKWORM = Suite(name="bookworm", python="3.11", cameras=("v4l-utils",))
+"""Debian 12, the oldest that is supported."""
 
 SYSTEM = (
     "linux-image-amd64", "systemd-sysv", "udev", "dbus", "kmod", "iproute2", "procps", "psmisc", "openssh-server", "zstd",
-    "e2fsprogs", "libcap2-bin",
+    "e2fsprogs", "libcap2-bin", "python3", "sudo", "git", "apt",
 )  # fmt: skip
-AS_THE_README_SAYS = ("python3-venv", "python3-dev", "gcc", "libc6-dev", "pkg-config", "libsystemd-dev")
-"""What systemd/README.md has its reader install before dnb-edge itself."""
-CAMERAS = ("v4l-utils", "usbip", "python3-libcamera", "libcamera-ipa")
+"""A plain Debian with a shell, as somebody finds it who installs dnb-edge."""
+DEBS = ("python3-venv", "python3-systemd")
+"""What install.sh asks apt for; they lie in the guest, which has no network, in an archive of its own."""
 FIRST_MODULES = ("virtio_pci", "virtio_blk", "virtio_net", "ext4", "crc32c_generic", "overlay")
 """What the kernel needs before it sees its disk."""
 TEST_PACKAGES = ("pytest", "hypothesis")
@@ -36,7 +50,7 @@ TEST_PACKAGES = ("pytest", "hypothesis")
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_24_x86_64", "manylinux_2_17_x86_64",
              "manylinux2014_x86_64")  # fmt: skip
 
-PACKAGE = ("dnb_edge", "systemd", "pyproject.toml", "constraints.txt", "README.md", "LICENSE")
+PACKAGE = ("dnb_edge", "systemd", "install.sh", "pyproject.toml", "constraints.txt", "README.md", "LICENSE")
 """Of the repository, what is carried into the guest and installed there."""
 TESTS = ("tests/capture", "tests/conftest.py", "pyproject.toml")
 
@@ -47,25 +61,15 @@ def requirements() -> list[str]:
         return list(tomllib.load(file)["project"]["dependencies"])
 
 
-def base_key() -> str:
+def base_key(suite: Suite) -> str:
     """Of the Debian with everything but dnb-edge itself."""
-    made_of = (
-        EDITION,
-        SUITE,
-        MIRROR,
-        SYSTEM,
-        AS_THE_README_SAYS,
-        CAMERAS,
-        FIRST_MODULES,
-        TEST_PACKAGES,
-        requirements(),
-    )
+    made_of = (EDITION, suite, MIRROR, SYSTEM, DEBS, FIRST_MODULES, TEST_PACKAGES, requirements())
     return _digest([REPOSITORY / "constraints.txt"], repr(made_of))
 
 
-def package_key() -> str:
+def package_key(suite: Suite) -> str:
     """Of that with this checkout's dnb-edge installed."""
-    return _digest(sorted(package_files()), base_key())
+    return _digest(sorted(package_files()), base_key(suite))
 
 
 def package_files() -> Iterable[Path]:
