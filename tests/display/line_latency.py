@@ -4,9 +4,9 @@ python tests/display/line_latency.py [--seconds 120] [--cars 2]
 
 The appliance runs a simulated race in real time and speaks to a pseudo-terminal; this script is the display. Two moments are
 taken of each CROSS, LAP and CARLAP line: when its last byte came, as over USB, and when it would have left a wire of 115200
-baud, behind whatever was sent before it. They are compared with two moments of the event: when the appliance printed it as
-JSON, that is when it knew, and when the car crossed, by the stamps of the frames. A crossing is known only when frames behind
-the line have confirmed it. Prints JSON, milliseconds.
+baud, behind whatever was sent before it. They are compared with the moment at which the appliance printed the event as JSON,
+that is when it knew. A crossing is known only when frames behind the line have confirmed it: how many milliseconds behind it
+their stamps are is told beside. Prints JSON, milliseconds.
 """
 
 import argparse
@@ -88,25 +88,23 @@ def race(seconds, cars, folder):
 
 
 def matched(told, display):
-    """For each timed line: (kind, its event's moment of being known, of crossing, the line's two moments)."""
-    # The quickest frame tells when the first one was: no frame is told before it is there.
-    start_s = min(at_s - event["t_s"] for at_s, event in told if event["event"] == "observation")
-    crossings, laps = {}, {}
+    """For each timed line: kind, when its event was known, how far the race was by then since it, and the line's moments."""
+    events, race_s = {}, 0.0
     for at_s, event in told:
-        if event["event"] == "crossing" and event["direction"] == "forward":
-            crossings.setdefault(f"{event['t_s']:.3f}", (at_s, start_s + event["t_s"]))
-        if event["event"] == "lap":
-            ended_s = start_s + event["start_s"] + event["time_s"]
-            laps.setdefault((event["number"], f"{event['time_s']:.3f}"), (at_s, ended_s))
+        if event["event"] == "observation":
+            race_s = max(race_s, event["t_s"])
+        elif event["event"] == "crossing" and event["direction"] == "forward":
+            events.setdefault(f"{event['t_s']:.3f}", (at_s, race_s - event["t_s"]))
+        elif event["event"] == "lap":
+            ended_s = event["start_s"] + event["time_s"]
+            events.setdefault((event["number"], f"{event['time_s']:.3f}"), (at_s, race_s - ended_s))
     seen = set()
     for message, came_s, wire_s in display.heard:
         if not isinstance(message, TIMED) or message in seen:
             continue
         seen.add(message)
-        if isinstance(message, protocol.Cross):
-            event = crossings.get(f"{message.t_s:.3f}")
-        else:
-            event = laps.get((message.lap, f"{message.time_s:.3f}"))
+        is_crossing = isinstance(message, protocol.Cross)
+        event = events.get(f"{message.t_s:.3f}" if is_crossing else (message.lap, f"{message.time_s:.3f}"))
         if event is not None:
             yield type(message).__name__.upper(), *event, came_s, wire_s
 
@@ -132,10 +130,9 @@ def main():
         json.dumps(
             {
                 "lines": {kind: sum(one[0] == kind for one in lines) for kind in sorted(kinds)},
-                "known_to_last_byte_ms": spread([came - known for _, known, _, came, _ in lines]),
-                "known_to_end_of_wire_ms": spread([wire - known for _, known, _, _, wire in lines]),
-                "crossed_to_known_ms": spread([known - crossed for _, known, crossed, *_ in lines]),
-                "crossed_to_last_byte_ms": spread([came - crossed for _, _, crossed, came, _ in lines]),
+                "known_to_last_byte_ms": spread([came_s - known_s for _, known_s, _, came_s, _ in lines]),
+                "known_to_end_of_wire_ms": spread([wire_s - known_s for _, known_s, _, _, wire_s in lines]),
+                "crossed_to_known_frames_ms": spread([behind_s for _, _, behind_s, *_ in lines]),
                 "bytes_a_second": round(display.bytes / asked.seconds),
             }
         )
