@@ -69,7 +69,7 @@ on_exit() {
 
 # Runs a command with its output in the log alone. In the background and in a session of its own, so that Ctrl-C ends it whole.
 quietly() {
-    printf '$ %s\n' "$*" 2>/dev/null >>"$log" || true
+    printf '%(%T)T $ %s\n' -1 "$*" 2>/dev/null >>"$log" || true
     setsid "$@" </dev/null >>"$log" 2>&1 &
     child=$!
     local code=0
