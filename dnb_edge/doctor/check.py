@@ -47,13 +47,12 @@ class Check(Generic[F]):
     judge: Callable[[F], Verdict]
 
     def make(self, box: Box) -> Verdict:
-        """The verdict on `box`. Facts that cannot be had are told as such."""
+        """The verdict on `box`. Why facts cannot be had is told in it."""
         try:
-            facts = self.gather(box)
+            return self.judge(self.gather(box))
         except (CannotTell, DnbEdgeError) as reason:
             return skip(str(reason))
         except OSError as error:
             return skip(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         except Exception as error:  # noqa: BLE001 told in its own line: the other checks are worth having all the same
             return skip(f"this check itself failed, please report it: {type(error).__name__}: {error}")
-        return self.judge(facts)

@@ -351,7 +351,7 @@ CHECKS: tuple[Check[Any], ...] = (
         group=Group.MACHINE,
         looks_at="the processor's temperature",
         amiss=f"warns from {machine_rules.WARM_C:g} degrees on, fails from {HOT_C:g} on",
-        remedy="a fan",
+        remedy="a heat sink, a fan",
         gather=lambda box: read_machine(root=box.where.root).temperature_c,
         judge=machine_rules.judge_temperature,
     ),

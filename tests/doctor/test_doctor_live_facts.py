@@ -1,0 +1,101 @@
+"""What a running service tells the doctor, over a real live socket."""
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from dnb_edge.doctor import gather, setup_facts
+from dnb_edge.doctor.box import Box, Where
+from dnb_edge.doctor.camera_rules import judge_rate
+from dnb_edge.doctor.live_facts import ask_service
+from dnb_edge.doctor.setup_rules import RacePace
+from dnb_edge.doctor.verdict import CannotTell, Status
+from dnb_edge.live.messages import Phase, State
+from dnb_edge.live.server import LiveServer
+from dnb_edge.values import Frame, Health, LostFrames, StampSource
+
+HEALTH = Health(
+    t_ns=1, t_s=0.0, frames=600, detected_frames=590, dropped_frames=8, fps=29.5, latency_ms=9.0, display="online",
+    recording="recording", view_error_mean_px=None, view_error_mean_m=None, warnings=("camera gap of 2.1 s",),
+    latency_p95_ms=21.0, view_moved_m=0.012, lost=(LostFrames(reason="queue", frames=6), LostFrames(reason="gap", frames=2)),
+)  # fmt: skip
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[LiveServer]:
+    """A daemon's end of the socket that races and has pictures until it is closed."""
+    with LiveServer(tmp_path / "s", version="1") as made:
+        over = threading.Event()
+
+        def race() -> None:
+            jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), 90, dtype=np.uint8))[1].tobytes()
+            number = 0
+            while not over.wait(0.02):
+                number += 1
+                stamp_ns = number * 33_333_333
+                made.offer(
+                    Frame(
+                        sequence=number, t_ns=stamp_ns, stamp_source=StampSource.START_OF_FRAME, width_px=64, height_px=48,
+                        jpeg=jpeg,
+                    )
+                )  # fmt: skip
+                made.tell(replace(HEALTH, t_ns=stamp_ns))
+
+        thread = threading.Thread(target=race)
+        made.show(State(phase=Phase.RACING, source="v4l2:/dev/video0"))
+        thread.start()
+        yield made
+        over.set()
+        thread.join()
+
+
+def box(tmp_path: Path, *, config: str = "gone.yaml") -> Box:
+    where = Where(config=tmp_path / config, setup=tmp_path / "setup", socket=tmp_path / "s", seconds=1.0)
+    return Box(where)
+
+
+def test_a_race_tells_of_its_camera(server: LiveServer, tmp_path: Path) -> None:
+    """Pictures, rate, losses and warnings come over the socket; the camera is not touched."""
+    looked = box(tmp_path)
+    footage = looked.footage
+    assert (footage.from_service, footage.info.live, footage.fps) == (True, True, 29.5)
+    assert (footage.info.width_px, footage.info.uri) == (64, "v4l2:/dev/video0")
+    assert footage.lost == HEALTH.lost
+    assert len(footage.stills) == 5
+    assert len(footage.brightness) > 12
+    assert judge_rate(gather.rate(looked)).status is Status.OK
+    answer = gather.answer(looked)
+    assert (answer.phase, answer.warnings) == (Phase.RACING, HEALTH.warnings)
+    pace = setup_facts.find_pace(looked)
+    assert isinstance(pace, RacePace)
+    assert pace.lost_share == pytest.approx(6 / 606)
+    with pytest.raises(CannotTell, match="the running service has the camera"):
+        gather.controls(looked)
+
+
+def test_a_service_without_a_camera_says_why(tmp_path: Path) -> None:
+    """Its own reason is the answer of the check of pictures."""
+    with LiveServer(tmp_path / "s", version="1") as server:
+        server.show(State(phase=Phase.FAULT, reason="/dev/video0: there is no such camera"))
+        looked = box(tmp_path)
+        answer = gather.answer(looked)
+        assert (answer.phase, answer.reason) == (Phase.FAULT, "/dev/video0: there is no such camera")
+        with pytest.raises(CannotTell, match="there is no such camera"):
+            _ = looked.footage
+
+
+def test_nobody_there_is_no_service(tmp_path: Path) -> None:
+    """No socket, and one that a killed daemon left behind."""
+    assert ask_service(tmp_path / "s", seconds=0.5) is None
+    LiveServer(tmp_path / "s", version="1").close()
+    (tmp_path / "s").touch()
+    began_s = time.monotonic()
+    assert ask_service(tmp_path / "s", seconds=0.5) is None
+    assert gather.answer(box(tmp_path)).phase is None
+    assert time.monotonic() - began_s < 30.0
