@@ -94,11 +94,11 @@ def plan_page(settings: FloorSettings, markers: tuple[PlacedMarker, ...], area_m
         write(axes, (x, y), str(marker.number), size=9, ha="center", va="center", color="white", weight="bold")
         place = f"({marker.at_m[0]:.2f}, {marker.at_m[1]:.2f}) m"
         write(axes, (x, y - side / 2.0 - 3.6), place, size=7, ha="center", va="center", color=GREY)
-    write(axes, (width / 2.0, bottom - 12.0), f"{area_m[0]:g} m", size=11, ha="center", va="center")
+    write(axes, (width / 2.0, bottom - 15.0), f"{area_m[0]:g} m", size=11, ha="center", va="center")
     turned = {"ha": "center", "va": "center", "rotation": 90}
     write(axes, (left - 14.0, bottom + scale * area_m[1] / 2.0), f"{area_m[1]:g} m", size=11, **turned)
     diagonal = math.hypot(*area_m)
-    write(axes, (width / 2.0, bottom - 19.0), f"check: both diagonals {diagonal:.3f} m", ha="center", va="center")
+    write(axes, (width / 2.0, bottom - 22.0), f"check: both diagonals {diagonal:.3f} m", ha="center", va="center")
     _bar(axes, width)
     return Page(name="plan", figure=figure)
 

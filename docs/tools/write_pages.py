@@ -10,14 +10,17 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import bom_page
 import commands_page
 import config_page
 import doctor_page
+import mount_places
 import troubleshooting_page
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES: dict[str, Callable[[], str]] = {
-    made.PAGE: made.page for made in (commands_page, config_page, doctor_page, troubleshooting_page)
+    made.PAGE: made.page
+    for made in (bom_page, commands_page, config_page, doctor_page, mount_places, troubleshooting_page)
 }
 """What makes each page's text, by the page's path."""
 
