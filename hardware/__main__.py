@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from hardware import build, kit, pictures
+from hardware import build, kit, pictures, wiring
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN_FOLDER = ROOT / "docs" / "pictures" / "hardware"
@@ -38,6 +38,9 @@ def main(arguments: list[str] | None = None) -> int:
             _say(1, "what docs/ shows is out of date: run python -m hardware build --docs, look at it, commit it")
         return 1 if made.faults or differences else _say(0, f"{len(made.files)} files as they should be")
     build.write(made, options.out)
+    for name, text in wiring.pictures().items():
+        (options.out / "wiring").mkdir(exist_ok=True)
+        (options.out / "wiring" / name).write_text(text, encoding="utf-8")
     _say(0, f"{len(made.files)} files in {options.out}")
     if options.docs:
         _renew(made)
@@ -60,9 +63,15 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+def _shown(made: build.Made) -> dict[str, bytes]:
+    """What docs/pictures/hardware holds: of the parts that were made and, where all were, the wiring diagrams."""
+    drawn = wiring.pictures() if build.TABLE_FILE in made.files else {}
+    return dict(build.shown(made)) | {name: text.encode() for name, text in drawn.items()}
+
+
 def _differences(made: build.Made) -> list[str]:
     found = []
-    new = dict(build.shown(made))
+    new = _shown(made)
     for name, data in new.items():
         path = SHOWN_FOLDER / name
         if not path.is_file():
@@ -70,7 +79,7 @@ def _differences(made: build.Made) -> list[str]:
         elif path.read_bytes() != data:
             found.append(f"{path.relative_to(ROOT)} differs")
     if build.TABLE_FILE in made.files:
-        left = {path.name for path in SHOWN_FOLDER.glob("*.svg") if not path.name.startswith("wiring-")} - set(new)
+        left = {path.name for path in SHOWN_FOLDER.glob("*.svg")} - set(new)
         found += [f"{name} in {SHOWN_FOLDER.relative_to(ROOT)} is made by no part" for name in sorted(left)]
         page = PAGE.read_text(encoding="utf-8")
         if _with_table(page, made.files[build.TABLE_FILE].decode()) != page:
@@ -80,7 +89,7 @@ def _differences(made: build.Made) -> list[str]:
 
 def _renew(made: build.Made) -> None:
     SHOWN_FOLDER.mkdir(parents=True, exist_ok=True)
-    for name, data in build.shown(made):
+    for name, data in _shown(made).items():
         (SHOWN_FOLDER / name).write_bytes(data)
     if build.TABLE_FILE in made.files:
         page = PAGE.read_text(encoding="utf-8")

@@ -44,7 +44,7 @@ def flash(
     dnb-edge display flash --panel max7219-32x8
 
     What it has is left alone, settings that are not said among it; a new board's are those of a MAX7219 matrix of 32 x 8.
-    How MicroPython gets onto a board: docs/display.md.
+    How MicroPython gets onto a board: docs/wiring.md.
     """
     told: dict[str, Any] = {
         "panel": panel,

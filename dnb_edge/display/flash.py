@@ -239,7 +239,7 @@ class _Repl:
         self._line.write(b"\r\x01")
         if self._until(_BANNER, ANSWER_S) is None:
             raise WorkError(
-                f"{self._line.port}: no MicroPython answers: is it on the board (see docs/display.md), and is this its port?"
+                f"{self._line.port}: no MicroPython answers: is it on the board (see docs/wiring.md), and is this its port?"
             )
 
     def run(self, code: str) -> str:

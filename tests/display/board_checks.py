@@ -31,6 +31,10 @@ LAMPS = (0, 7, 1, 2, 3, 4, 5, 6)
 """Red 1, green 2, blue 4 of each of the canvas's colours on a panel that can only be on or off."""
 
 
+USUAL_SIX = (2, 1, 0, 5, 4, 3)
+"""Which of a TM1637's digits is where, left to right, on the usual board of six."""
+
+
 class Noise:
     """Numbers that look like chance and are the same everywhere."""
 
@@ -108,24 +112,22 @@ def check_max7219_digits():
 
 
 def check_tm1637_digits():
-    """The last four or six digits are seen on a TM1637, whatever the segments, as bright as asked for."""
-    for count, order in ((6, (2, 1, 0, 5, 4, 3)), (4, (0, 1, 2, 3))):
-        for start in range(0, 256, 8):
-            chip, surface = Tm1637Chip(), DigitSurface(range(start, start + 8))
-            tm1637.Tm1637(chip.clock, chip.data, lambda wait: None, count, 15).show(surface)
-            assert chip.seen(order) == [as_letters(byte) for byte in surface.buffer[8 - count :]]
-            assert chip.light == 7
+    """Each of the 256 patterns of segments is seen on a TM1637, as bright as asked for."""
+    for start in range(0, 256, 2):
+        chip, surface = Tm1637Chip(), DigitSurface([(start + place) % 256 for place in range(6)])
+        tm1637.Tm1637(chip.clock, chip.data, lambda wait: None, 15).show(surface)
+        assert chip.seen(USUAL_SIX) == [as_letters(byte) for byte in surface.buffer]
+        assert chip.light == 7
 
 
 def check_tm1637_away():
     """A TM1637 that does not answer is an OSError, and the one that comes back shows the next picture."""
-    chip, surface = Tm1637Chip(present=False), DigitSurface(range(8))
-    driver = tm1637.Tm1637(chip.clock, chip.data, lambda wait: None, 4)
+    chip, surface = Tm1637Chip(present=False), DigitSurface(range(6))
+    driver = tm1637.Tm1637(chip.clock, chip.data, lambda wait: None)
     assert raises(OSError, driver.show, surface)
-    back = Tm1637Chip()
-    driver = tm1637.Tm1637(back.clock, back.data, lambda wait: None, 4)
+    chip.present = True
     driver.show(surface)
-    assert back.seen((0, 1, 2, 3)) == [as_letters(byte) for byte in (4, 5, 6, 7)]
+    assert chip.seen(USUAL_SIX) == [as_letters(byte) for byte in range(6)]
 
 
 def check_oled_shows_every_pixel():
@@ -204,7 +206,7 @@ def check_wires_of_every_panel():
         told = dict(settings.DEFAULTS)
         told["panel"] = panel
         driver = wires.make(told, pico.machine, lambda wait: None)
-        surface = face.surface(settings.PANELS[panel])
+        surface = firmware.Firmware(settings.PANELS[panel], driver, None, lambda: 0).surface
         face.test_picture(surface, 1)
         driver.begin()
         driver.show(surface)
@@ -221,9 +223,8 @@ def _soldered(panel):
         return pico, lambda surface: matrix_rows(chain) == as_rows(surface)
     if panel.startswith("tm1637"):
         chip = Tm1637Chip()
-        order = (2, 1, 0, 5, 4, 3) if "6-" in panel else (0, 1, 2, 3)
-        pico = Pico(wired={2: chip.clock, 3: chip.data})
-        return pico, lambda surface: chip.seen(order) == [as_letters(byte) for byte in surface.buffer[-len(order) :]]
+        pico = Pico(wired={18: chip.clock, 19: chip.data})
+        return pico, lambda surface: chip.seen(USUAL_SIX) == [as_letters(byte) for byte in surface.buffer]
     if panel.startswith("hub75"):
         board = Hub75Panel()
         pico = Pico(tell_panel=board.pins)

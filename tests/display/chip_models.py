@@ -96,7 +96,7 @@ class Tm1637Chip:
         self.memory = [0] * 6
         self.light = None
         """0 to 7; None while the panel is off."""
-        self._present = present
+        self.present = present
         self._clock = self._host = 1
         self._answering = False
         self._bits = None
@@ -117,7 +117,7 @@ class Tm1637Chip:
 
     def data(self, level=None):
         if level is None:
-            return 0 if self._present and self._answering else self._host
+            return 0 if self.present and self._answering else self._host
         if level != self._host and self._clock:
             assert not self._answering, "the wire changes while the chip holds it"
             if level:
@@ -130,7 +130,7 @@ class Tm1637Chip:
         return None
 
     def _take(self):
-        if not self._present or not self._bytes:
+        if not self.present or not self._bytes:
             return
         command = self._bytes[0]
         if command & 0xC0 == 0x40:

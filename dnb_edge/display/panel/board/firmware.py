@@ -7,6 +7,7 @@ import sys
 import time
 
 from .. import face, state
+from ..segments import Digits
 from . import settings, wires
 
 READ_BYTES = 256
@@ -65,6 +66,9 @@ class Firmware:
     def __init__(self, layout: str, driver, read, clock, *, checksums: bool = True, complaint: str = "") -> None:
         self.panel = state.Panel(checksums)
         self.surface = face.surface(layout)
+        if getattr(driver, "digits", 8) != 8:
+            # The face of eight digits looks at how many there are.
+            self.surface = Digits(driver.digits, layout)
         self._driver = driver
         self._read = read
         self._clock = clock

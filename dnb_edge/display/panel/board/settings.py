@@ -10,7 +10,6 @@ PANELS = {
     "max7219-32x8": "matrix-32x8",
     "max7219-8-digits": "digits-8",
     "tm1637-6-digits": "digits-8",
-    "tm1637-4-digits": "digits-8",
     "ssd1306-128x64": "oled-128x64",
     "sh1106-128x64": "oled-128x64",
     "hub75-64x32": "matrix-64x32",

@@ -1,4 +1,4 @@
-"""Digits of seven segments on a TM1637: four or six of them, two wires.
+"""Six digits of seven segments on a TM1637, two wires.
 
 Knows the chip's protocol (Titan Micro, TM1637 data sheet, version 2.4): like I2C without an address, least significant bit
 first, and an answer after each byte, so that a chip that is away is noticed. Knows no picture.
@@ -14,15 +14,16 @@ SIX_IN_THREES = (2, 1, 0, 5, 4, 3)
 
 
 class Tm1637:
-    """The last four or six digits of a surface of eight. `clock` and `data` are open-drain pins: called with 0 or 1, and `data`
-    with nothing to be read; `wait_us(n)` waits so many microseconds."""
+    """`clock` and `data` are open-drain pins: called with 0 or 1, and `data` with nothing to be read; `wait_us(n)` waits so
+    many microseconds."""
 
-    def __init__(self, clock, data, wait_us, count: int = 6, brightness: int = 3) -> None:
+    digits = 6
+    """As many as it shows."""
+
+    def __init__(self, clock, data, wait_us, brightness: int = 3) -> None:
         self._clock = clock
         self._data = data
         self._wait_us = wait_us
-        self._count = count
-        self._order = SIX_IN_THREES if count == 6 else tuple(range(count))
         self.brightness = brightness
 
     def begin(self) -> None:
@@ -32,12 +33,11 @@ class Tm1637:
         self._wait()
 
     def show(self, surface) -> None:
-        """Light the segments of the last digits of `surface`. Raises `OSError` where no chip answers."""
+        """Light the segments of `surface` (Digits of 6). Raises `OSError` where no chip answers."""
         self.begin()
-        first = len(surface.buffer) - self._count
-        digits = bytearray(self._count)
-        for place in range(self._count):
-            digits[self._order[place]] = surface.buffer[first + place]
+        digits = bytearray(6)
+        for place in range(6):
+            digits[SIX_IN_THREES[place]] = surface.buffer[place]
         self._told(bytes([WRITE_IN_ORDER]))
         self._told(bytes([FIRST_DIGIT]) + digits)
         # 0..15 as everywhere, 0..7 in the chip.

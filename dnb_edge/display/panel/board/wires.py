@@ -8,9 +8,9 @@ from . import hub75, max7219, ssd1306, tm1637
 
 SPI_CLOCK, SPI_DATA, SPI_SELECT = 18, 19, 17
 """MAX7219: CLK, DIN, CS."""
-I2C_DATA, I2C_CLOCK = 4, 5
+I2C_DATA, I2C_CLOCK = 16, 17
 """OLED: SDA, SCL."""
-TM_CLOCK, TM_DATA = 2, 3
+TM_CLOCK, TM_DATA = 18, 19
 """TM1637: CLK, DIO."""
 HUB75_FIRST = 0
 """HUB75: R1 G1 B1 R2 G2 B2 A B C D E LAT OE CLK from here on."""
@@ -26,7 +26,7 @@ def make(settings, machine, wait_us):
         # A pin that pulls down or lets go: the chip answers on the same wire, and the board has the resistors that pull up.
         clock = machine.Pin(TM_CLOCK, machine.Pin.OPEN_DRAIN, value=1)
         data = machine.Pin(TM_DATA, machine.Pin.OPEN_DRAIN, value=1)
-        return tm1637.Tm1637(clock, data, wait_us, 6 if "6" in panel[7:] else 4, brightness)
+        return tm1637.Tm1637(clock, data, wait_us, brightness)
     if panel.startswith("hub75"):
         return hub75.Hub75(COLOURS, HUB75_FIRST, brightness, upside_down=settings["upside_down"])
     i2c = machine.I2C(0, sda=machine.Pin(I2C_DATA), scl=machine.Pin(I2C_CLOCK), freq=400000)
