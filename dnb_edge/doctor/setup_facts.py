@@ -12,7 +12,16 @@ from statistics import median
 import cv2
 import numpy as np
 
-from dnb_edge.assembly import assemble, check_detector, check_display, check_source, detector_of, make_track
+from dnb_edge.assembly import (
+    Assembly,
+    assemble,
+    check_detector,
+    check_display,
+    check_source,
+    detector_of,
+    load_pairs,
+    make_track,
+)
 from dnb_edge.assembly.pictures import calibrated_picture
 from dnb_edge.capture.picture_health import PictureFault, PictureJudge
 from dnb_edge.config.calibration_file import load_calibration
@@ -29,6 +38,7 @@ from dnb_edge.view.drift import TOO_LITTLE
 from dnb_edge.view.drift_judge import DriftJudge, DriftSettings, Verdict, watched_track
 from dnb_edge.view.drift_patches import grey
 from dnb_edge.view.drift_reference import PlaceReference, median_of_five
+from dnb_edge.view.fit import fit_keypoints
 
 _LOOKS = 9
 _PERIOD_NS = 66_000_000
@@ -81,8 +91,22 @@ def find_calibration(box: Box) -> CalibrationFound:
         mean_m=found.calibration.mean_m,
         sigma_m=found.view_sigma_m,
         too_bad=found.setup.not_scored_because,
+        doubt=_doubt(config, found),
         age_days=_age_days(config),
     )
+
+
+def _doubt(config: Config, found: Assembly) -> str | None:
+    """What the weighted fit has against the keypoints; the plain one that races takes any four of them."""
+    if config.view.calibration is not None:
+        return None
+    ground, pairs = found.setup.ground, load_pairs(config.view)
+    width_px, height_px = config.view.image_size_px or pairs.image_size_px or (ground.width_px, ground.height_px)
+    try:
+        fit_keypoints(pairs, ground.scale, width_px=width_px, height_px=height_px)
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def _age_days(config: Config) -> float | None:

@@ -85,6 +85,8 @@ class CalibrationFound:
     """One sigma of a place on the route where it is greatest, metres."""
     too_bad: str | None = None
     """Why laps are not scored with it, by the configuration's own limit."""
+    doubt: str | None = None
+    """Why keypoints cannot be what they are said to be, whatever their error: swapped, mirrored."""
     age_days: float | None = None
 
 
@@ -98,6 +100,8 @@ def judge_calibration(found: CalibrationFound) -> Verdict:
     error = "" if found.mean_m is None else f", {1e3 * found.mean_m:.1f} mm off on average"
     sigma = "" if found.sigma_m is None else f", one sigma at worst {1e3 * found.sigma_m:.1f} mm"
     words = f"by {found.method}{error}{sigma}"
+    if found.doubt is not None:
+        return fail(f"{words}: {found.doubt}", _ANEW)
     if found.too_bad is not None:
         return fail(f"{words}: {found.too_bad}", _ANEW)
     if found.mean_m is not None and found.mean_m > ERROR_WARN_M:

@@ -97,6 +97,7 @@ CALIBRATION = setup_rules.CalibrationFound(fault=None, method="markers", mean_m=
         ),
         (setup_rules.judge_calibration(replace(CALIBRATION, fault="another camera")), "fail", "another camera"),
         (setup_rules.judge_calibration(replace(CALIBRATION, too_bad="over 2 px")), "fail", "over 2 px"),
+        (setup_rules.judge_calibration(replace(CALIBRATION, doubt="mirrored")), "fail", "mirrored"),
         (setup_rules.judge_calibration(replace(CALIBRATION, mean_m=0.021)), "warn", "21.0 mm"),
         (setup_rules.judge_age(CALIBRATION), "ok", "3 days"),
         (setup_rules.judge_age(replace(CALIBRATION, age_days=61.0)), "warn", "calibrate check"),
