@@ -58,7 +58,7 @@ train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see 
 docs: .venv/.docs-installed ## The documentation as a site in build/site, to be read without a network; every inside link is checked
 	$(call say,sphinx-build)
 	@rm -rf build/site
-	@$(BIN)/sphinx-build -q -W --keep-going -c docs -d build/site-doctrees . build/site
+	@$(BIN)/sphinx-build -q -E -W --keep-going -c docs -d build/site-doctrees . build/site
 	@$(BIN)/python docs/tools/check_site.py build/site --outside build/site-outside-links.txt
 
 docs-pages: .venv/.docs-installed ## Write the pages that are made from code (config.md, commands.md, troubleshooting.md) and the guides' drawings
