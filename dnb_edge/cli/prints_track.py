@@ -156,7 +156,9 @@ def _write_files(files: _Files, ground: Ground, made: Track) -> None:
         write_whole(layout, layout_text(ground.markers, ground.scale, sigma_mm=_GLUED_MM, says=says).encode())
         typer.echo(f"{layout}: where the {len(ground.markers)} printed floor markers lie on it")
     write_whole(race, _race(files, view.name, steps).encode())
-    typer.echo(f"{race}: a configuration for it. Glued and under the camera:")
+    typer.echo(
+        f"{race}: a configuration for it. With the track glued and under the camera, in {race.parent.resolve()}:"
+    )
     for step in steps:
         typer.echo(f"  {step}")
 

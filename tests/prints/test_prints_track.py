@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import cv2
 import numpy as np
@@ -22,6 +24,7 @@ from dnb_edge.prints.tiles import FOOT_MM, MARGIN_MM, tilings, whole
 from dnb_edge.prints.track import track_pages
 from dnb_edge.sim.circuit import demo_circuit
 from dnb_edge.sim.places import figure_eight, place, table_oval
+from dnb_edge.sim.rig import Rig
 from dnb_edge.view.markers import find_markers
 
 PX_PER_MM = 2.0
@@ -138,15 +141,16 @@ def test_floor_markers_lie_where_the_layout_says(printed_oval):
         assert at_mm == pytest.approx(1000 * np.array(point.at_m), abs=0.6)
 
 
-def test_the_printed_track_is_raced_on_at_once(printed_oval):
-    """A camera that sees the glued sheets is calibrated by the printed command, places every point of the lane within 5 mm, and
-    the written configuration is right."""
-    directory, ground, floor, _, said = printed_oval
+def calibrate(directory, ground, floor, said):
+    """The camera of the table's place sees the glued sheets, and the printed command makes its calibration file."""
     camera = place("table").camera
     to_floor = np.array(
-        [[0.001 / PX_PER_MM, 0, 0.0005 / PX_PER_MM],
-         [0, -0.001 / PX_PER_MM, ground.size_mm[1] / 1000 - 0.0005 / PX_PER_MM], [0, 0, 1]]
-    )  # fmt: skip
+        [
+            [0.001 / PX_PER_MM, 0, 0.0005 / PX_PER_MM],
+            [0, -0.001 / PX_PER_MM, ground.size_mm[1] / 1000 - 0.0005 / PX_PER_MM],
+            [0, 0, 1],
+        ]
+    )
     finer = 3
     to_fine = np.array([[finer, 0, (finer - 1) / 2], [0, finer, (finer - 1) / 2], [0, 0, 1]])
     size = (camera.width_px * finer, camera.height_px * finer)
@@ -157,12 +161,20 @@ def test_the_printed_track_is_raced_on_at_once(printed_oval):
     words = re.search(r"dnb-edge (calibrate markers .*)", said)[1].split()
     at = words.index("--source")
     words[at : at + 2] = ["--picture", str(directory / "seen.png")]
-    words = [str(directory / word) if word.startswith("track.") else word for word in words]
-    run(*words)
+    run(*(str(directory / word) if word.startswith("track.") else word for word in words))
+    return camera
+
+
+def test_the_printed_command_calibrates_the_camera(printed_oval):
+    """A camera that sees the glued sheets is calibrated by the printed command, places every point of the lane within 5 mm, and
+    the written configuration is right."""
+    directory, ground, floor, _, said = printed_oval
+    camera = calibrate(directory, ground, floor, said)
     calibration = load_calibration(directory / "track.view.yaml")
     lane_m = load_track(directory / "track.yaml").centreline.points_m
     camera_px = camera.project(np.column_stack((lane_m, np.zeros(len(lane_m)))))
-    assert np.linalg.norm(calibration.ground.to_track_m(camera_px) - lane_m, axis=1).max() < 0.005
+    apart = np.linalg.norm(calibration.ground.to_track_m(camera_px) - lane_m, axis=1)
+    assert apart.max() < 0.005
     run("config", "check", directory / "track.race.yaml")
 
 
@@ -227,3 +239,34 @@ def test_markers_that_do_not_fit_are_refused():
     plan, _ = tilings(ground.size_mm, Paper.A4, overlap_mm=10.0)
     with pytest.raises(InputError, match="--marker-mm 240: only 0 floor markers"):
         with_markers(ground, plan, cells=6, numbers=tuple(range(6)))
+
+
+def test_a_car_is_timed_on_the_printed_track(printed_oval):
+    """With the written configuration and the view that the printed markers gave, a simulated drive on the same oval is timed as
+    it truly was."""
+    directory, ground, floor, _, said = printed_oval
+    calibrate(directory, ground, floor, said)
+    rig = Rig(place=place("table"), laps=2, seed=3)
+    clip = directory / "drive.mp4"
+    size = (rig.camera.width_px, rig.camera.height_px)
+    writer = cv2.VideoWriter(str(clip), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), rig.fps, size)
+    for k in range(rig.frames):
+        writer.write(rig.frame(k).bgr)
+    writer.release()
+    words = [
+        sys.executable,
+        "-m",
+        "dnb_edge",
+        "run",
+        "--config",
+        "track.race.yaml",
+        "--source",
+        f"file:{clip}",
+        "--json",
+    ]
+    ran = subprocess.run(words, cwd=directory, capture_output=True, text=True, check=True, timeout=300)
+    laps = [event for event in map(json.loads, ran.stdout.splitlines()) if event["event"] == "lap"]
+    assert [lap["valid"] for lap in laps] == [True, True]
+    for lap, truth in zip(laps, rig.truth.laps, strict=True):
+        assert lap["time_s"] == pytest.approx(truth.time_s, abs=0.02)
+        assert lap["similarity_percent"] > 90
