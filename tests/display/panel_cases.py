@@ -61,6 +61,7 @@ CASES = (
     ("running-long", ((0, but(REPAINT, "STATE LAP 12", last="RUN 12 123.456")),), 40),
     ("crossing", ((0, REPAINT), (8000, ("CROSS 39.890", "RUN 3 12.200"))), 8040),
     ("lap", ((0, REPAINT), (9000, ("CROSS 38.900", "LAP 3 13.180 +-0.002 OK 93.0", "STATE LAP 4 OF 5", "RUN 4 0.033"))), 10000),
+    ("lap-long", ((0, REPAINT), (9000, ("LAP 12 123.456 +-0.002 OK -", "RUN 13 0.033"))), 10000),
     ("best-lap", ((0, REPAINT), (9000, ("LAP 3 12.180 +-0.002 OK 97.0", "BEST 3 12.180", "RUN 4 0.033"))), 10000),
     ("bad-lap", ((0, REPAINT), (9000, ("LAP 3 14.000 +-0.010 BAD -", "WHY 3 off the lane for 0.8 s", "RUN 4 0.033"))), 10000),
     ("penalty", ((0, REPAINT), (9000, ("LAP 3 12.900 +-0.002 OK 90.0", "PENALTY 3 2.000 cut", "RUN 4 0.033"))), 10000),

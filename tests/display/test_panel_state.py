@@ -64,6 +64,15 @@ def test_what_a_repaint_leaves_out_is_forgotten():
     assert panel.shown.facts() == fresh.shown.facts()
 
 
+def test_warnings_go_with_the_next_health():
+    """They are told anew whenever one changes; `HEALTH` begins the list."""
+    warned = panel_after((0, but(REPAINT, "HEALTH FPS 29.9 REC NONE WARNINGS 1", "WARN 1 dark")))
+    told(warned, ((100, ("HEALTH FPS 29.9 REC NONE WARNINGS 1", "WARN 1 gap", "RUN 3 4.300")),))
+    assert warned.shown.warnings == ("gap",)
+    told(warned, ((200, ("HEALTH FPS 29.9 REC NONE WARNINGS 0", "RUN 3 4.400")),))
+    assert warned.shown.warnings == ()
+
+
 def test_penalties_and_reasons_belong_to_their_lap():
     """They follow the line of their lap, which may be told anew."""
     lines = (
@@ -118,8 +127,18 @@ def test_the_running_time_stands_where_the_appliances_stands():
     assert panel.running_ms(1600) == 4800
 
 
+def test_a_display_whose_clock_runs_fast_keeps_up():
+    """One per cent: after a minute the time shown is right within a tenth of a second."""
+    panel = Panel()
+    for told_ms in range(0, 60_000, 100):
+        panel.feed(line(f"RUN 1 {told_ms / 1000:.3f}"), told_ms * 101 // 100)
+        assert told_ms <= panel.running_ms(told_ms * 101 // 100) <= told_ms + 100
+
+
 def test_another_lap_begins_at_its_own_time():
     """Nothing is carried over from the lap before, nor from a time that is far off."""
+    short = panel_after((0, but(REPAINT, last="RUN 3 0.150")), (100, ("RUN 4 0.100",)))
+    assert short.running_ms(100) == 100
     panel = panel_after((0, REPAINT), (100, ("RUN 4 0.050",)))
     assert panel.running_ms(150) == 100
     told(panel, ((200, ("RUN 4 7.000",)),))
@@ -144,8 +163,16 @@ def test_what_matters_most():
     assert what(panel, 12_000 + LAP_MS - FRAME_MS) == LAP
     assert what(panel, 12_000 + LAP_MS) == RUN
     assert what(panel, 12_000 + LAP_MS + SILENT_MS) == SILENT
-    assert panel.feed(line("RUN 4 9.000"), 20_000)
+    assert panel.feed(line("SAVED 2"), 20_000)
     assert what(panel, 20_000) == RUN
+
+
+def test_a_lap_of_the_race_before_is_not_shown():
+    """A new race within four seconds after a lap begins without it; a repaint that lost its `HELLO` makes no lap new."""
+    lapped = ((0, REPAINT), (1000, ("LAP 3 12.900 +-0.002 OK -", "RUN 4 0.100")))
+    assert what(panel_after(*lapped, (2000, BEFORE)), 2000) == WAIT
+    again = panel_after((0, REPAINT), (8000, without(REPAINT, "HELLO")))
+    assert what(again, 8000) == RUN
 
 
 @pytest.mark.parametrize("best", ["BEST 3 12.180", "BEST 1 12.483"])

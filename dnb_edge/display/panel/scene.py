@@ -56,7 +56,7 @@ class Scene:
     @property
     def crossing(self) -> bool:
         """True for a moment after the car crossed the line."""
-        return self.what > SILENT and self._since(self.panel.crossed_at) < CROSS_MS
+        return self._since(self.panel.crossed_at) < CROSS_MS
 
     @property
     def moves(self) -> bool:

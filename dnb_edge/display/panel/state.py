@@ -193,9 +193,11 @@ class Panel:
         """News that a panel makes more of than what stands."""
         if kind in ("COUNT", "GO"):
             self._next.race_at = t_ms
-        if kind == "LAP" and not self._repaints:
+        last = self.shown.last
+        # A repaint whose first line was lost looks like news.
+        if kind == "LAP" and not self._repaints and (last is None or last.number != said[0]):
             self._new_lap = said[0]
-        if kind == "BEST" and not self._repaints and self.shown.best != self._next.best:
+        if kind == "BEST" and not self._repaints:
             self._new_best = said[0]
 
     def _run(self, said: list, t_ms: int) -> None:
