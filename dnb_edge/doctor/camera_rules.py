@@ -5,6 +5,7 @@ Knows the limits and what to type. Opens nothing.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -54,8 +55,8 @@ def judge_name(look: CameraLook) -> Verdict:
     """Whether the camera is named by a name that stays with it."""
     if not look.is_there:
         return skip(f"{look.path} is not there")
-    if look.path.is_relative_to("/dev/v4l"):
-        return ok(f"{look.path.name} is the camera's own name")
+    if not re.fullmatch(r"video\d+", look.path.name):
+        return ok(f"{look.path} is a name that stays")
     lasting = (
         f"v4l2:/dev/v4l/by-id/{look.identity}"
         if look.identity and "/" not in look.identity and " " not in look.identity

@@ -18,6 +18,7 @@ from pathlib import Path
 import serial
 
 from dnb_edge.display import messages, protocol
+from dnb_edge.display.luma_device import need_luma, parse_spi
 from dnb_edge.display.serial_port import PORT_FAULTS, write_lines
 from dnb_edge.display.state import BoardState
 from dnb_edge.display.uri import check_uri
@@ -53,6 +54,8 @@ def find_port(uri: str | None, *, unit_groups: Sequence[str], dev: Path) -> Port
         return Port(uri=None)
     try:
         check_uri(uri)
+        if uri.startswith("spi:"):
+            need_luma()
     except InputError as error:
         return Port(uri=uri, fault=str(error))
     node = port_of(uri)
@@ -62,21 +65,23 @@ def find_port(uri: str | None, *, unit_groups: Sequence[str], dev: Path) -> Port
         uri=uri,
         needs_port=True,
         access=access_of(node, unit_groups=unit_groups) if node.exists() else None,
-        ports=tuple(str(one) for pattern in ("ttyUSB*", "ttyACM*") for one in sorted(dev.glob(pattern))),
+        ports=tuple(str(one) for pattern in ("ttyUSB*", "ttyACM*", "spidev*") for one in sorted(dev.glob(pattern))),
     )
 
 
 def port_of(uri: str) -> Path | None:
     """The device behind a display's URI; None where it has none."""
     scheme, _, rest = uri.partition(":")
+    if scheme == "spi":
+        return Path(parse_spi(rest).path)
     return Path(rest) if scheme == "serial" else None
 
 
 def try_display(uri: str) -> Taking:
     """Paints an empty board on the serial display at `uri` and hears what it says. Raises `CannotTell` where it has no port."""
     node = port_of(uri)
-    if node is None:
-        raise CannotTell(f"{uri} is no serial display")
+    if node is None or not uri.startswith("serial:"):
+        raise CannotTell(f"{uri} is no serial display: it takes what it is told, and cannot say that it did")
     told = b"".join(protocol.encode_line(message) for message in messages.repaint(BoardState()))
     try:
         with serial.Serial(str(node), protocol.BAUD, timeout=0, write_timeout=1.0, exclusive=True) as port:

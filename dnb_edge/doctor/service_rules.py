@@ -155,7 +155,7 @@ class Port:
     access: Access | None = None
     """None where the port is not there."""
     ports: tuple[str, ...] = ()
-    """Serial ports that this machine has."""
+    """Ports for displays that this machine has."""
 
 
 def judge_port(port: Port) -> Verdict:
@@ -163,15 +163,18 @@ def judge_port(port: Port) -> Verdict:
     if port.uri is None:
         return skip("no display is configured (display.uri)")
     if port.fault is not None:
-        return fail(port.fault, "Set `display.uri: serial:/dev/dnb-edge-display`, or leave it out.")
+        return fail(
+            port.fault, "Set `display.uri: serial:/dev/dnb-edge-display` or mend what is named, or leave it out."
+        )
     if not port.needs_port:
         return ok(f"{port.uri} needs no port")
     if port.access is None:
-        there = f"this machine has {', '.join(port.ports)}" if port.ports else "this machine has no serial port"
-        return fail(
-            f"{port.uri} is not there: {there}",
-            "Plug the display in, or name its port in display.uri; `ls -l /dev/serial/by-id` shows them.",
+        there = f"this machine has {', '.join(port.ports)}" if port.ports else "this machine has no port for one"
+        plug = "Plug the display in, or name its port in display.uri; `ls -l /dev/serial/by-id` shows them."
+        switch_on = (
+            "Switch the board's SPI on with `sudo raspi-config nonint do_spi 0` and start it anew, or name another one."
         )
+        return fail(f"{port.uri} is not there: {there}", switch_on if port.uri.startswith("spi:") else plug)
     return judge_access(port.access, what="display's port")
 
 

@@ -45,7 +45,8 @@ def test_there(look: CameraLook | rules.NoCamera, status: str, said: str) -> Non
     [
         (replace(LOOK, identity=NAME), "warn", f"capture.source: v4l2:/dev/v4l/by-id/{NAME}"),
         (replace(LOOK, identity="Acme (usb-0000:01)"), "ok", "no serial number"),
-        (replace(LOOK, path=Path("/dev/v4l/by-id") / NAME), "ok", "own name"),
+        (replace(LOOK, path=Path("/dev/v4l/by-id") / NAME), "ok", "name that stays"),
+        (replace(LOOK, path=Path("/dev/dnb-edge-camera"), identity=NAME), "ok", "name that stays"),
         (replace(LOOK, is_there=False), "skip", "not there"),
     ],
 )
@@ -85,6 +86,7 @@ USE = rules.Use(users=(), hidden=False, service_pid=None, service_answers=False)
         (replace(USE, users=("dnb-edge, process 17",), service_pid=17), "ok", "only dnb-edge"),
         (replace(USE, users=("dnb-edge, process 117",), service_pid=17), "fail", "process 117"),
         (replace(USE, users=("dnb-edge, process 9",), service_answers=True), "ok", "only dnb-edge"),
+        (replace(USE, users=("python3, process 9",)), "fail", "kill 9"),
         (replace(USE, users=("dnb-edge, process 17", "cheese, process 8"), service_pid=17), "fail", "kill 8"),
     ],
 )
@@ -146,6 +148,13 @@ def test_losses(lost: dict[str, int], status: str, said: str) -> None:
     """A few in a thousand are nothing; the greatest reason says what to do."""
     told = tuple(LostFrames(reason=reason, frames=count) for reason, count in lost.items())
     check(rules.judge_losses(rules.Losses(frames=1000, lost=told, live=True)), status, said)
+
+
+def test_only_changed_controls_are_named() -> None:
+    """What was taken as asked needs no hand."""
+    told = [CameraControl(name="gain", asked=64.0, taken=80.0), CameraControl(name="focus", asked=5.0, taken=5.0),
+            CameraControl(name="power_line_frequency", asked=1.0, taken=None)]  # fmt: skip
+    check(rules.judge_controls(told), "warn", "Set gain in `capture`")
 
 
 def test_losses_of_a_file_are_none() -> None:

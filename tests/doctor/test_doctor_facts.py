@@ -369,5 +369,8 @@ def test_a_displays_port(line: tuple[int, str], plant: Plant) -> None:
     gone = service_facts.find_port("serial:/dev/gone", unit_groups=(), dev=dev)
     assert (gone.access, gone.ports) == (None, (f"{dev}/ttyUSB0", f"{dev}/ttyACM1"))
     assert not service_facts.find_port("terminal:", unit_groups=(), dev=dev).needs_port
+    assert service_facts.port_of("spi:/dev/spidev0.1?brightness=5") == Path("/dev/spidev0.1")
+    with pytest.raises(CannotTell, match="cannot say"):
+        service_facts.try_display("spi:/dev/spidev0.1")
     assert service_facts.find_port(None, unit_groups=(), dev=dev).uri is None
     assert service_facts.find_port("oled:0", unit_groups=(), dev=dev).fault is not None

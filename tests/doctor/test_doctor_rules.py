@@ -301,7 +301,8 @@ TAKING = service_rules.Taking(uri="serial:/dev/ttyUSB0", by_service=False, fault
         (service_rules.judge_port(service_rules.Port(uri=None)), "skip", "no display"),
         (service_rules.judge_port(service_rules.Port(uri="oled:", fault="use serial:")), "fail", "use serial:"),
         (service_rules.judge_port(service_rules.Port(uri="terminal:")), "ok", "needs no port"),
-        (service_rules.judge_port(replace(PORT, access=None)), "fail", "no serial port"),
+        (service_rules.judge_port(replace(PORT, access=None)), "fail", "no port for one"),
+        (service_rules.judge_port(replace(PORT, uri="spi:/dev/spidev0.0", access=None)), "fail", "do_spi 0"),
         (service_rules.judge_port(replace(PORT, access=None, ports=("/dev/ttyACM0",))), "fail", "has /dev/ttyACM0"),
         (
             service_rules.judge_port(replace(PORT, access=replace(ACCESS, may_open=False))),
