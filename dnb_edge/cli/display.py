@@ -87,6 +87,7 @@ def _follow(line: Line, panel: Panel, surface: Surface, console: Console) -> int
     """Draws until the line ends or Ctrl-C is pressed; returns when the last bytes came, milliseconds."""
     began_s = time.monotonic()
     fed_ms = 0
+    colour = console.color_system is not None and not console.no_color
     # Where the console is no terminal nobody looks.
     with Live(console=console, auto_refresh=False) as live:
         try:
@@ -98,7 +99,7 @@ def _follow(line: Line, panel: Panel, surface: Surface, console: Console) -> int
                 if panel.feed(data, now_ms) or now_ms >= due_ms:
                     if console.is_terminal:
                         face.draw(panel, surface, now_ms)
-                        live.update(in_terminal(surface), refresh=True)
+                        live.update(in_terminal(surface, colour=colour), refresh=True)
                     due_ms = face.next_change(panel, surface, now_ms)
         except KeyboardInterrupt:
             pass

@@ -47,14 +47,14 @@ def pixels(canvas: Canvas) -> NDArray[np.uint8]:
     return np.frombuffer(bytes(canvas.buffer), dtype=np.uint8).reshape(canvas.height, canvas.width)
 
 
-def in_terminal(surface: Surface) -> Text:
-    """The picture in characters: two pixels a character in colour, eight where the panel is wide, digits as on paper."""
+def in_terminal(surface: Surface, *, colour: bool = True) -> Text:
+    """In characters: two pixels a character in colour, eight without or where the panel is wide, digits as on paper."""
     if isinstance(surface, Digits):
-        return Text("\n".join(_digit_rows(surface)), style="bold red")
+        return Text("\n".join(_digit_rows(surface)), style="bold red", no_wrap=True, overflow="crop")
     rows = pixels(surface)
-    if surface.width > WIDEST_LETTERS:
-        return Text("\n".join(_braille(rows)), style="bold")
-    text = Text()
+    if surface.width > WIDEST_LETTERS or not colour:
+        return Text("\n".join(_braille(rows)), style="bold", no_wrap=True, overflow="crop")
+    text = Text(no_wrap=True, overflow="crop")
     for upper, lower in zip(rows[::2], rows[1::2], strict=True):
         for above, below in zip(upper, lower, strict=True):
             text.append("▀", Style(color=_hex(_lit(surface, int(above))), bgcolor=_hex(_lit(surface, int(below)))))
