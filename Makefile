@@ -14,6 +14,7 @@ VENV_FLAGS ?=
 TORCH_INDEX ?=
 DEMO_FLAGS ?=
 TRAIN_FLAGS ?=
+HARDWARE_FLAGS ?=
 AARCH64_FLAGS ?=
 AARCH64_DEMO_FLAGS ?=
 FUZZ_FLAGS ?=
@@ -24,10 +25,10 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train docs docs-pages docs-links fuzz screenshots aarch64-check system-test lock clean
+.PHONY: help demo test lint format train hardware hardware-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test lock clean
 
 help: ## List the targets
-	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-13s %s\n", $$1, $$2 }'
+	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-14s %s\n", $$1, $$2 }'
 
 demo: .venv/.demo-installed ## A simulated race: live board, recording and report; no camera, no config
 	$(call say,dnb-edge demo)
@@ -54,6 +55,16 @@ format: .venv/.test-installed ## Format the code and mend what ruff can mend
 train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see TORCH_INDEX above)
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
+
+hardware: .venv/.hardware-installed ## The kit's printable parts: STL, STEP, drawings and pictures in build/hardware
+	$(call say,python -m hardware build)
+	@$(BIN)/python -m hardware build $(HARDWARE_FLAGS)
+
+hardware-check: .venv/.hardware-installed ## Whether all parts can be printed and docs/ shows them as they are
+	$(call say,python -m hardware check)
+	@$(BIN)/python -m hardware check
+	$(call say,pytest tests/hardware)
+	@$(BIN)/pytest -q -n 0 tests/hardware
 
 docs: .venv/.docs-installed ## The documentation as a site in build/site, to be read without a network; every inside link is checked
 	$(call say,sphinx-build)
