@@ -99,11 +99,13 @@ def _section(verb: Verb) -> list[str]:
     lines = [paragraphs(inspect.cleandoc(verb.command.help or ""))]
     if verb.children:
         names = ", ".join(f"[`{name}`](#{_anchor(verb)}-{name})" for name in verb.children)
-        return [*lines, "", f"Its verbs: {names}."]
-    kinds = _annotations(verb.command.callback)
+        lines += ["", f"Its verbs: {names}."]
     shown = [
         param for param in verb.command.params if not getattr(param, "hidden", False) and "--help" not in param.opts
     ]
+    if verb.children and not shown:
+        return lines
+    kinds = _annotations(verb.command.callback)
     arguments = [param for param in shown if not param.opts[0].startswith("-")]
     options = [param for param in shown if param.opts[0].startswith("-")]
     usage = [verb.line, *(_argument(param, kinds) for param in arguments), *(["[OPTIONS]"] if options else [])]
