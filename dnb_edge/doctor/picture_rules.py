@@ -63,7 +63,7 @@ def judge_sharpness(sharp: Sharpness) -> Verdict:
 
 def judge_flicker(beats: Sequence[Beat]) -> Verdict:
     """Whether the lamps' flicker shows."""
-    told = [beat for beat in beats if beat.share is not None and beat.over_others is not None]
+    told = [beat for beat in beats if beat.share is not None]
     if not told:
         return skip("at this frame rate lamps stand still in the picture: no beat to measure")
     worst = max(told, key=lambda beat: beat.share or 0.0)

@@ -29,7 +29,7 @@ def test_the_verbs_are_those_of_the_contract() -> None:
         ("demo",), ("run",), ("score",), ("table",), ("report",), ("bench",), ("track", "build"), ("track", "show"),
         ("calibrate", "keypoints"), ("calibrate", "markers"), ("calibrate", "lens"), ("calibrate", "check"),
         ("calibrate", "refine"), ("mount", "plan"), ("runs", "list"), ("runs", "recover"), ("runs", "export"),
-        ("config", "show"), ("config", "check"), ("config", "schema"),
+        ("config", "show"), ("config", "check"), ("config", "schema"), ("doctor",),
     }  # fmt: skip
     assert contract <= set(VERBS)
 
