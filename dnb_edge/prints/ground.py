@@ -188,15 +188,16 @@ def with_markers(ground: Ground, tiling: Tiling, *, cells: int, numbers: tuple[i
     half = ground.marker_mm * (0.5 + 1.0 / cells)
     room = _room(ground, tiling, half)
     width, height = ground.size_mm
-    taken: list[tuple[float, float]] = []
+    taken: list[int] = []
     for corner in ((0.0, height), (width, height), (width, 0.0), (0.0, 0.0)):
-        near = [at for at in room if math.dist(at, corner) < 0.35 * min(width, height)]
-        if near:
-            taken.append(min(near, key=lambda at, corner=corner: math.dist(at, corner)))  # type: ignore[misc]
-    while room and len(taken) < len(numbers):
-        apart = {at: min((math.dist(at, other) for other in taken), default=math.inf) for at in room}
-        best = max(room, key=lambda at: round(apart[at], 6))
-        if apart[best] < 2.0 * half + 20.0:
+        away = np.linalg.norm(room - corner, axis=1)
+        near = int(np.argmin(away)) if len(room) else None
+        if near is not None and near not in taken and float(away[near]) < 0.35 * min(width, height):
+            taken.append(near)
+    while len(room) and len(taken) < len(numbers):
+        apart = np.linalg.norm(room[:, None] - room[taken][None], axis=2).min(axis=1, initial=np.inf)
+        best = int(np.argmax(np.round(apart, 6)))
+        if float(apart[best]) < 2.0 * half + 20.0:
             break
         taken.append(best)
     if len(taken) < min(4, len(numbers)):
@@ -206,27 +207,31 @@ def with_markers(ground: Ground, tiling: Tiling, *, cells: int, numbers: tuple[i
         )
     markers = tuple(
         PlacedMarker(number=number, at_m=(ground.origin_m[0] + x / 1000.0, ground.origin_m[1] + y / 1000.0))
-        for number, (x, y) in zip(numbers, taken, strict=False)
+        for number, (x, y) in zip(numbers, room[taken].tolist(), strict=False)
     )
     return replace(ground, markers=markers)
 
 
-def _room(ground: Ground, tiling: Tiling, half: float) -> list[tuple[float, float]]:
-    """Middles, mm, at which a marker with its white border (twice `half` wide) is clear of lane, flags and sheets' edges."""
-    kept: list[tuple[float, float]] = []
+def _room(ground: Ground, tiling: Tiling, half: float) -> Points:
+    """(n, 2) middles, mm, at which a marker with its white border (twice `half` wide) is clear of lane and sheets' edges."""
     edges = np.vstack((*ground.border_mm(), ground.middle_mm, *ground.flags_mm))
-    lane = tiling.only(ground.needs)
+    lane, reach = tiling.only(ground.needs), half + _CLEAR_MM
+    found = [np.empty((0, 2))]
     for tile in tiling.tiles:
         # A sheet that hangs together with no other would lie anywhere.
         places = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
         if not any(lane.used(tile.column + across, tile.row + down) for across, down in places):
             continue
-        box, reach = tile.in_sight, half + _CLEAR_MM
-        across = np.arange(math.ceil((box.left + reach) / 5.0) * 5.0, box.right - reach + 1e-6, 5.0)
-        up = np.arange(math.ceil((box.bottom + reach) / 5.0) * 5.0, box.top - reach + 1e-6, 5.0)
-        for y in up.tolist():
-            kept += [(x, y) for x in across.tolist() if float(np.abs(edges - (x, y)).max(axis=1).min()) > reach]
-    return kept
+        box = tile.in_sight
+        low, high = np.array((box.left, box.bottom)), np.array((box.right, box.top))
+        near = edges[np.all((edges > low) & (edges < high), axis=1)]
+        steps = [
+            np.arange(math.ceil((a + reach) / 5.0) * 5.0, b - reach + 1e-6, 5.0) for a, b in zip(low, high, strict=True)
+        ]
+        middles = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+        apart = np.abs(middles[:, None] - near[None]).max(axis=2).min(axis=1, initial=np.inf)
+        found.append(middles[apart > reach])
+    return np.vstack(found)
 
 
 def _longer(ways: Points, by: float) -> Points:

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from dnb_edge.config.marker_layout import load_marker_layout
 from dnb_edge.config.track_file import load_track
 from dnb_edge.errors import InputError
 from dnb_edge.prints.ground import circuit_size_m, circuit_track, ground_of, with_markers
-from dnb_edge.prints.paper import PAPER_MM, Paper, pdf_of
+from dnb_edge.prints.paper import PAPER_MM, Paper, pdf_of, svgs_of
 from dnb_edge.prints.tiles import FOOT_MM, MARGIN_MM, tilings, whole
 from dnb_edge.prints.track import track_pages
 from dnb_edge.sim.circuit import demo_circuit
@@ -192,11 +193,11 @@ def test_a_track_of_ones_own_is_printed_where_it_lies(printed_oval, tmp_path):
 
 
 def test_svg_sheets_have_the_sheets_names(tmp_path):
-    """As SVG each sheet is a file with its name."""
+    """As SVG a poster is the file asked for; sheets are named as the map names them."""
     run("print", "track", "--paper", "poster", "--out", tmp_path / "one.svg")
     assert (tmp_path / "one.svg").stat().st_size > 10_000
-    run("print", "track", "--paper", "a3", "--out", tmp_path / "t.svg")
-    assert {"t-map.svg", "t-A1.svg", "t-B2.svg"} <= {file.name for file in tmp_path.iterdir()}
+    _, ground, plan = oval(Paper.A3)
+    assert [name for name, _ in svgs_of(islice(track_pages(ground, plan, Paper.A3), 3))] == ["map", "A1", "A2"]
 
 
 def test_a_crossing_lane_has_no_hole():
@@ -270,3 +271,27 @@ def test_a_car_is_timed_on_the_printed_track(printed_oval):
     for lap, truth in zip(laps, rig.truth.laps, strict=True):
         assert lap["time_s"] == pytest.approx(truth.time_s, abs=0.02)
         assert lap["similarity_percent"] > 90
+
+
+@pytest.mark.parametrize("circuit", [table_oval, demo_circuit, figure_eight], ids=["oval", "demo", "eight"])
+@pytest.mark.parametrize("paper", list(Paper))
+def test_each_floor_marker_lies_on_one_sheet_and_off_the_lane(circuit, paper):
+    """No marker is cut by a sheet's edge or touches the lane's border with its white one, none overlap, and the sheet on which
+    each lies is printed."""
+    drawn = circuit()
+    bare = ground_of(circuit_track(drawn), size_m=circuit_size_m(drawn), family="4X4_50", marker_mm=100.0)
+    plan = min(tilings(bare.size_mm, paper, overlap_mm=10.0), key=lambda one: len(one.only(bare.needs).tiles))
+    ground = with_markers(bare, plan, cells=6, numbers=(0, 1, 2, 3, 4, 5))
+    reach = 100.0 * (0.5 + 1 / 6)
+    lane = np.vstack((*ground.border_mm(), ground.middle_mm))
+    middles = ground.to_mm(np.array([one.at_m for one in ground.markers]))
+    assert len(middles) == 6
+    for x, y in middles:
+        assert np.abs(lane - (x, y)).max(axis=1).min() > reach
+        boxes = [tile.in_sight for tile in plan.only(ground.needs).tiles]
+        assert any(
+            box.left <= x - reach and x + reach <= box.right and box.bottom <= y - reach and y + reach <= box.top
+            for box in boxes
+        )
+    apart = np.linalg.norm(middles[:, None] - middles[None], axis=2)[~np.eye(6, dtype=bool)]
+    assert apart.min() > 2 * reach
