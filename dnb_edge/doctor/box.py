@@ -99,6 +99,14 @@ class Box:
         return self.once("service", lambda: ask_service(self.where.socket, seconds=self.where.seconds))
 
     @property
+    def race_runs(self) -> bool:
+        """Whether a service runs, as far as one may know."""
+        try:
+            return self.service is not None
+        except (CannotTell, DnbEdgeError):
+            return True
+
+    @property
     def units(self) -> dict[str, UnitLook]:
         """The service manager's units by name. Raises `CannotTell` where there is no service manager."""
         return self.once("units", ask_units)

@@ -52,6 +52,8 @@ class Check(Generic[F]):
             return self.judge(self.gather(box))
         except (CannotTell, DnbEdgeError) as reason:
             return skip(str(reason))
+        except PermissionError as error:
+            return skip(f"{error.filename}: you may not look there: run this with sudo")
         except OSError as error:
             return skip(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         except Exception as error:  # noqa: BLE001 told in its own line: the other checks are worth having all the same

@@ -382,7 +382,7 @@ CHECKS: tuple[Check[Any], ...] = (
             f"{machine_rules.TOO_LITTLE_BYTES / 1e6:g} MB; half of it while the service runs"
         ),
         remedy="close programs, run without a desktop",
-        gather=lambda box: machine_facts.find_memory(box.where.root, race_runs=box.service is not None),
+        gather=lambda box: machine_facts.find_memory(box.where.root, race_runs=box.race_runs),
         judge=machine_rules.judge_memory,
     ),
     Check(

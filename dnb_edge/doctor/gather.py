@@ -58,9 +58,7 @@ def camera_use(box: Box) -> camera_rules.Use:
         pid = box.units[RACE_UNIT].main_pid
     except CannotTell:
         pid = None
-    return camera_rules.Use(
-        users=look.users, hidden=look.users_hidden, service_pid=pid, service_answers=box.service is not None
-    )
+    return camera_rules.Use(users=look.users, hidden=look.users_hidden, service_pid=pid, service_answers=box.race_runs)
 
 
 def camera_wanted(box: Box) -> camera_rules.Wanted:
@@ -204,7 +202,7 @@ def writing(box: Box) -> disk_rules.Writing:
     """How fast the disk is; a running race is disturbed by a few megabytes no more than by its own pictures."""
     _runs(box)
     box.say("Writing to the disk")
-    if box.service is not None:
+    if box.race_runs:
         return disk_facts.measure_writing(box.runs, chunks=8, syncs=10)
     return disk_facts.measure_writing(box.runs)
 

@@ -5,6 +5,7 @@ Knows the live socket and a clock. Asks for nothing that changes anything.
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,10 +60,17 @@ class Service:
 def ask_service(path: Path, *, seconds: float) -> Service | None:
     """The service at the live socket, listened to for `seconds`; None where none answers.
 
-    Raises `WorkError` where what answers is another version.
+    Raises `WorkError` where what answers is another version, `CannotTell` where we may not ask.
     """
-    if not path.exists():
-        return None
+    try:
+        if not path.exists():
+            return None
+        allowed = os.access(path, os.R_OK | os.W_OK, effective_ids=True)
+    except PermissionError:
+        allowed = False
+    if not allowed:
+        # Not to be taken for none: its camera would be opened.
+        raise CannotTell(f"{path}: only the service's group may ask it: run this with sudo")
     try:
         caller = Caller(path, timeout_s=CONNECT_S)
     except TemporaryFault:

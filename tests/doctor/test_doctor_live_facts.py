@@ -1,8 +1,11 @@
 """What a running service tells the doctor, over a real live socket."""
 
+import os
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,6 +91,35 @@ def test_a_service_without_a_camera_says_why(tmp_path: Path) -> None:
         assert (answer.phase, answer.reason) == (Phase.FAULT, "/dev/video0: there is no such camera")
         with pytest.raises(CannotTell, match="there is no such camera"):
             _ = looked.footage
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """For a moment without root's rights."""
+    groups = os.getgroups()
+    os.setgroups([])
+    os.setegid(65534)
+    os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
+        os.setegid(0)
+        os.setgroups(groups)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody who may less")
+@pytest.mark.parametrize("folder_mode", [0o700, 0o755])
+def test_who_may_not_ask_is_not_told_that_nobody_is_there(folder_mode: int) -> None:
+    """Else the service's own camera would be opened, and its being busy be told as a fault."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as name:
+        Path(name).chmod(folder_mode)
+        with (
+            LiveServer(Path(name) / "s", version="1"),
+            as_nobody(),
+            pytest.raises(CannotTell, match="only the service's group may ask it: run this with sudo"),
+        ):
+            ask_service(Path(name) / "s", seconds=0.5)
 
 
 def test_nobody_there_is_no_service(tmp_path: Path) -> None:
