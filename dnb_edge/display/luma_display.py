@@ -43,6 +43,7 @@ class LumaDisplay(ClosesOnExit):
         self._mailbox = Mailbox()
         self._status = DisplayStatus.OFFLINE
         self._fault: str | None = None
+        self._panel = Panel()
         self._thread = threading.Thread(target=self._serve, name=f"display-{wanted.path}", daemon=True)
         self._thread.start()
 
@@ -86,6 +87,7 @@ class LumaDisplay(ClosesOnExit):
     def _follow(self, device: LumaPanel) -> None:
         """Draw until the mailbox closes: at news, and as often as the picture moves by itself."""
         panel, surface = Panel(), face.surface(self._wanted.layout)
+        self._panel = panel
         shown: BoardState | None = None
         told_s = due_s = 0.0
         closing = False

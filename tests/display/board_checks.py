@@ -180,6 +180,7 @@ def check_hub75_shows_every_colour():
         pico = with_modules(Pico(tell_panel=board.pins))
         driver = hub75.Hub75(COLOURS, 0, brightness, upside_down=upside_down)
         driver.begin()
+        driver.show(noisy(64, 32, 99))
         driver.show(canvas)
         picture = hub75.ROWS * hub75.STEPS // 2
         pico.run(2 * picture)
@@ -261,10 +262,11 @@ class Driver:
 
     def __init__(self):
         self.shown = []
-        self.begun = 0
+        self.begun = self.tried = 0
         self.away = False
 
     def begin(self):
+        self.tried += 1
         if self.away:
             raise OSError(5)
         self.begun += 1
@@ -322,6 +324,19 @@ def check_loop_shows_lines():
         assert driver.shown[-1] != drawn(firmware.state.Panel(), frame_ms)
 
 
+def check_loop_draws_at_once():
+    """A crossing is on the panel as soon as nothing more waits to be read, not only when the next picture is due."""
+    repaint = b"HELLO DNB-EDGE 1 *15\r\nSTATE LAP 1 OF 3 *01\r\nRUN 1 0.033 *56\r\n"
+    driver, line = Driver(), Line((5000, repaint), (5111, b"CROSS 8.250 *5F\r\n"))
+    made = turned(line, driver, 5050)
+    while made.panel.lines < 4:
+        made.turn()
+    heard_ms, count = line.now, len(driver.shown)
+    while len(driver.shown) == count:
+        made.turn()
+    assert line.now - heard_ms <= 2
+
+
 def check_loop_keeps_up():
     """With 60 ms for a picture and 30 us for a byte a board still hears all of a line that is never quiet."""
     body, count = b"RUN 1 0.033 *56\r\n" * 14, 80
@@ -362,6 +377,7 @@ def check_loop_waits_for_the_panel():
     while line.now < 11000:
         made.turn()
     assert driver.begun == 2
+    assert 6 <= driver.tried <= 8
     assert len(driver.shown) > count
 
 
@@ -431,6 +447,7 @@ CHECKS = [
     check_wires_of_every_panel,
     check_loop_tests_itself,
     check_loop_shows_lines,
+    check_loop_draws_at_once,
     check_loop_keeps_up,
     check_loop_waits_for_the_panel,
     check_clock_does_not_wrap,

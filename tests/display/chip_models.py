@@ -55,6 +55,35 @@ class Max7219Chain:
         return registers["rows"][digit]
 
 
+class ChipWire:
+    """The SPI of a Raspberry Pi with a chain of MAX7219 on it: each message is one selection."""
+
+    def __init__(self, count):
+        self.chain = Max7219Chain(count)
+        self.closed = 0
+        self.away = None
+        """The error that everything raises; None while it is there."""
+
+    def __call__(self, path):
+        self.path = path
+        if self.away:
+            raise self.away
+        return self
+
+    def data(self, data):
+        if self.away:
+            raise self.away
+        self.chain.load(0)
+        self.chain.write(bytes(data))
+        self.chain.load(1)
+
+    def command(self, *command):
+        self.data(command)
+
+    def cleanup(self):
+        self.closed += 1
+
+
 def matrix_rows(chain, turn=0, reverse=False, mirror=False):
     """What is seen on a row of 8x8 matrices, as texts of # and dots, top row first.
 

@@ -1,5 +1,8 @@
 """The panels' drivers and the firmware's loop against models of the chips: `board_checks.py`, on both Pythons."""
 
+import io
+import os
+import select
 import sys
 
 import board_checks
@@ -7,7 +10,7 @@ import on_board
 import pytest
 
 from dnb_edge.display.panel import face
-from dnb_edge.display.panel.board import hub75, settings
+from dnb_edge.display.panel.board import firmware, hub75, settings
 
 
 @pytest.fixture(autouse=True)
@@ -31,6 +34,21 @@ def test_on_micropython(tmp_path):
 def test_a_race_on_micropython(tmp_path):
     """From the appliance's serial display over a pseudo-terminal to the lit pixels."""
     on_board.shows_a_race(on_board.here(), tmp_path)
+
+
+def test_bytes_are_read_as_they_come():
+    """What is there is read and no more is waited for; a buffer's worth at most; an end is an end."""
+    read, write = os.pipe()
+    with io.FileIO(read) as stream:
+        inbox = firmware.Inbox(stream, select)
+        assert inbox.read(0) == b""
+        os.write(write, b"RUN" * 200)
+        assert inbox.read(1000) == (b"RUN" * 200)[: firmware.READ_BYTES]
+        assert len(inbox.read(0) + inbox.read(0)) == 600 - firmware.READ_BYTES
+        assert inbox.read(1) == b""
+        os.close(write)
+        with pytest.raises(EOFError):
+            inbox.read(1000)
 
 
 def test_every_layout_has_a_panel():

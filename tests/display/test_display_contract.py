@@ -4,10 +4,13 @@ import io
 import threading
 
 import pytest
+from chip_models import ChipWire
 from display_events import race
 from pty_line import Firmware, wait_until
 
 from dnb_edge.display.base import Display, DisplayStatus
+from dnb_edge.display.luma_device import LumaPanel, SpiPanel
+from dnb_edge.display.luma_display import LumaDisplay
 from dnb_edge.display.recording import RecordingDisplay
 from dnb_edge.display.serial_port import SerialDisplay
 from dnb_edge.display.terminal import BoardConsole, TerminalDisplay
@@ -36,6 +39,20 @@ class Serial:
         return set(self.firmware.shown["laps"])
 
 
+class Spi:
+    """The panel on the box's own SPI, with a model of its chips at the wires."""
+
+    def open(self, line) -> Display:
+        pytest.importorskip("luma.led_matrix", reason="luma is not installed: pip install 'dnb-edge[luma]'")
+        wire = ChipWire(4)
+        self.display = LumaDisplay(SpiPanel(path="/dev/spidev0.0"), lambda wanted: LumaPanel(wanted, wire))
+        return self.display
+
+    def laps_shown(self):
+        # Which laps the drawn picture was made of; that pixels are right is test_luma_display.py's business.
+        return {lap.number for lap in self.display._panel.shown.laps}
+
+
 class Terminal:
     """The terminal board."""
 
@@ -55,7 +72,11 @@ class Pipe(Terminal):
     terminal = False
 
 
-@pytest.fixture(params=[Recorded, Serial, Terminal, Pipe])
+# luma 1.9 asks Pillow for what Pillow 14 will no longer have; the extra `luma` keeps Pillow below that.
+pytestmark = pytest.mark.filterwarnings("ignore:Image.Image.getdata is deprecated")
+
+
+@pytest.fixture(params=[Recorded, Serial, Spi, Terminal, Pipe])
 def peer(request):
     return request.param()
 

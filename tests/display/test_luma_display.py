@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from board_checks import as_letters, as_rows, noisy, turned_about
 from board_pictures import pictures_of
-from chip_models import Max7219Chain, matrix_rows, max7219_digits
+from chip_models import ChipWire, matrix_rows, max7219_digits
 from display_events import race
 from pty_line import wait_until
 
@@ -22,34 +22,6 @@ from dnb_edge.errors import InputError
 pytest.importorskip("luma.led_matrix", reason="luma is not installed: pip install 'dnb-edge[luma]'")
 # luma 1.9 asks Pillow for what Pillow 14 will no longer have; the extra `luma` keeps Pillow below that.
 pytestmark = pytest.mark.filterwarnings("ignore:Image.Image.getdata is deprecated")
-
-
-class ChipWire:
-    """The SPI of a Raspberry Pi with a chain of MAX7219 on it: each message is one selection."""
-
-    def __init__(self, count):
-        self.chain = Max7219Chain(count)
-        self.closed = 0
-        self.away = None
-
-    def __call__(self, path):
-        self.path = path
-        if self.away:
-            raise OSError(self.away, os.strerror(self.away))
-        return self
-
-    def data(self, data):
-        if self.away:
-            raise OSError(self.away, os.strerror(self.away))
-        self.chain.load(0)
-        self.chain.write(bytes(data))
-        self.chain.load(1)
-
-    def command(self, *command):
-        self.data(command)
-
-    def cleanup(self):
-        self.closed += 1
 
 
 @pytest.mark.parametrize("turn", [0, 90, 180, 270])
@@ -112,7 +84,7 @@ def test_the_board_is_drawn():
 def test_spi_that_is_away_comes_back(number, said):
     """A fault is told with what to do, and the panel is lit once the SPI is there."""
     wire = ChipWire(4)
-    wire.away = number
+    wire.away = OSError(number, os.strerror(number))
     with LumaDisplay(SpiPanel(path="/dev/spidev0.0"), lambda wanted: LumaPanel(wanted, wire)) as display:
         display.post(race(1))
         wait_until(lambda: display.fault is not None)
@@ -121,7 +93,7 @@ def test_spi_that_is_away_comes_back(number, said):
         wire.away = None
         wait_until(lambda: display.status is DisplayStatus.ONLINE)
         assert display.fault is None
-        wire.away = number
+        wire.away = OSError(number, os.strerror(number))
         wait_until(lambda: display.status is DisplayStatus.OFFLINE)
 
 
