@@ -4,7 +4,7 @@ import json
 import os
 import signal
 import subprocess
-import time
+import threading
 import tty
 
 import board_checks
@@ -13,10 +13,8 @@ import pytest
 from board_pictures import pictures_of
 from display_events import race
 from micropython import HERE
-from pty_line import wait_until
 
 from dnb_edge.display import flash
-from dnb_edge.display.base import DisplayStatus
 from dnb_edge.display.serial_port import SerialDisplay
 
 
@@ -56,11 +54,13 @@ def shows_a_race(command, folder):
         state = race(3, laps_wanted=3)
         with SerialDisplay(os.ttyname(slave)) as display:
             display.post(state)
-            wait_until(lambda: display.status is DisplayStatus.ONLINE)
-            # The self-test at power on, and a repaint or two.
-            time.sleep(5)
+            # Says only how long a broken test may hang.
+            hung = threading.Timer(120, process.kill)
+            hung.start()
+            assert process.stdout.readline() == "ready\n"
             process.send_signal(signal.SIGINT)
             printed, _ = process.communicate(timeout=20)
+            hung.cancel()
     finally:
         process.kill()
         process.wait()

@@ -8,6 +8,7 @@ import tty
 
 import on_board
 import pytest
+import serial
 from micropython import HERE
 
 from dnb_edge.display import flash
@@ -114,6 +115,28 @@ def test_settings_go_over_those_that_are_there(board):
         (board.folder / "settings.json").write_bytes(wrong)
         flash.flash(board.plug(), {"brightness": 2})
         assert json.loads(board.files()["settings.json"]) == {"brightness": 2}
+
+
+def test_the_interpreters_own_raw_repl(tmp_path):
+    """The same on the raw REPL that MicroPython itself has, where its Unix port has one (Debian 13's has not)."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    process = subprocess.Popen(on_board.here(), stdin=master, stdout=master, stderr=subprocess.DEVNULL, cwd=tmp_path)
+    try:
+        with serial.Serial(os.ttyname(slave), timeout=2) as line:
+            line.write(b"\r\x03\x01")
+            if b"raw REPL" not in line.read(4096):
+                pytest.skip("this MicroPython's Unix port has no raw REPL")
+        done = flash.flash(os.ttyname(slave), {"brightness": 9})
+        assert set(done.written) == {"settings.json", *flash.board_files()}
+        files = {str(path.relative_to(tmp_path)): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+        assert json.loads(files.pop("settings.json")) == {"brightness": 9}
+        assert files == flash.board_files()
+    finally:
+        process.kill()
+        process.wait()
+        os.close(slave)
+        os.close(master)
 
 
 def test_an_older_firmware_is_replaced(board):
