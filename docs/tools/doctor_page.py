@@ -19,7 +19,7 @@ box was carried somewhere, and whenever something is odd.
 ```sh
 dnb-edge doctor                          # all checks; a few seconds
 sudo dnb-edge doctor                     # sees who has the camera, and what only root may read, too
-dnb-edge doctor --only picture           # one group: set-up, camera, picture, detector, disk, machine, display, service
+dnb-edge doctor --only picture           # all of one group: set-up, camera, picture, detector, disk, machine, display, service
 dnb-edge doctor --only gaps --seconds 20 # one check, for longer
 dnb-edge doctor --json                   # for scripts
 ```

@@ -4,6 +4,7 @@ import grp
 import http.server
 import os
 import pwd
+import select
 import threading
 import tty
 from collections.abc import Callable, Iterator
@@ -339,7 +340,7 @@ def test_a_display_is_told_an_empty_board_and_heard(line: tuple[int, str]) -> No
     heard: list[bytes] = []
 
     def panel() -> None:
-        while b"RUN" not in b"".join(heard):
+        while b"RUN" not in b"".join(heard) and select.select([master], [], [], 5.0)[0]:
             heard.append(os.read(master, 4096))
         os.write(master, b"PANEL\x07 1\r\n")
 

@@ -78,6 +78,17 @@ def test_a_steady_light_has_no_beat(drift: float) -> None:
         assert beat.share is None or beat.share < 0.005
 
 
+@pytest.mark.parametrize("speed_rows", [10.0, 90.0, 400.0])
+def test_a_car_that_drives_by_is_no_lamp(speed_rows: float) -> None:
+    """A dark car changes the rows that it crosses, slow or fast, and again and again."""
+    told = lit(50, 0.0)
+    for t_ns, rows in told:
+        top = int(speed_rows * t_ns * 1e-9) % 170
+        rows[top : top + 10] *= 0.93
+    for beat in lamp_beats(told, 30.0):
+        assert not beat.share or beat.share < 0.01 or (beat.over_others or 0.0) < 4.0
+
+
 def test_lamps_that_stand_still_are_not_told() -> None:
     """120 Hz at 30 frames a second makes bands that stand: nobody can tell those from the scene in two seconds."""
     beats = {beat.mains_hz: beat for beat in lamp_beats(lit(60, 0.2, row_s=40e-6), 30.0)}
