@@ -10,6 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from hardware.triangles import of_faces
+
 BED_MM = (220.0, 220.0, 220.0)
 _DEVIATION_MM, _DEVIATION_RAD = 0.03, 0.2
 _HEADER = b"dnb-edge kit, millimetres, GPL-3.0-or-later".ljust(80, b"\0")
@@ -20,12 +22,10 @@ def triangles(shape: Any) -> NDArray[np.float32]:
 
     Rounded to 0.1 micrometres and sorted, so that the order in which the modeller walked its faces does not show.
     """
-    vertices, faces = shape.tessellate(_DEVIATION_MM, _DEVIATION_RAD)
-    points = np.array([(v.X, v.Y, v.Z) for v in vertices])
-    least, most = points.min(axis=0), points.max(axis=0)
+    exact = np.concatenate(of_faces(shape, deviation_mm=_DEVIATION_MM, deviation_rad=_DEVIATION_RAD))
+    least, most = exact.min(axis=(0, 1)), exact.max(axis=(0, 1))
     middle = (least + most) / 2
-    points = np.round(points - (middle[0], middle[1], least[2]), 4) + 0.0
-    corners = points[np.array(faces)].astype(np.float32)
+    corners = (np.round(exact - (middle[0], middle[1], least[2]), 4) + 0.0).astype(np.float32)
     # A triangle may start at any of its corners: the least one goes first.
     first = np.array([np.lexsort(triangle.T[::-1])[0] for triangle in corners])
     turned = corners[np.arange(len(corners))[:, None], (first[:, None] + np.arange(3)) % 3]

@@ -348,7 +348,7 @@ def _webcam(camera: Webcam) -> tuple[Printed, ...]:
     half = camera.width_mm / 2 + c.foam_mm + c.ear_mm
     below = camera.height_mm / 2 + c.foam_mm + c.jaw_mm
     above = max(cradles.webcam_jaw_y_mm(camera), _J.plate_side_mm / 2)
-    depth = c.back_mm + camera.depth_mm
+    depth = cradles.webcam_reach_mm(camera)
     screw_x, screw_z = cradles.webcam_screws_x_mm(camera)[1], cradles.webcam_screw_z_mm(camera)
     plate, gap = _J.plate_screws_mm / 2, cradles.jaw_gap_mm(camera) / 2
     cradle = Printed(

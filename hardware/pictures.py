@@ -3,6 +3,7 @@
 Knows which bodies are drawn from where, with what name beside them. Knows no dimensions.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
@@ -12,7 +13,7 @@ from build123d import Box, Pos, Rot
 from hardware import cases, mount_parts
 from hardware.boards import MATRIX_32X8, PI
 from hardware.cameras import C920, ELP_38, PI_HQ_GS
-from hardware.drawing.picture import Body, View, shaded
+from hardware.drawing.picture import Body, Shaded, View, shaded
 from hardware.fasteners import LOW
 from hardware.mount.assembly import Camera, Placed, fasteners, mount
 
@@ -24,8 +25,12 @@ _COLOURS = {
     "cradle": mount_parts.CRADLE_COLOUR,
     "bar": mount_parts.BAR_COLOUR,
     "camera": (110, 115, 125),
+    "tray": mount_parts.BASE_COLOUR,
+    "lid": mount_parts.ARM_COLOUR,
+    "front": mount_parts.BASE_COLOUR,
 }
 _CLAMP, _BOUGHT = mount_parts.CLAMP_COLOUR, (185, 190, 195)
+_COLUMNS, _ROW_MM, _LEADER_MM = 3, 9.0, 11.0
 _BELOW = View(towards_eye=(0.75, -0.35, 1.0), up=(0, 1, 0))
 _ABOVE = View(towards_eye=(0.75, 0.4, 1.0), up=(0, 1, 0))
 _CASE = View(towards_eye=(-0.55, -1.0, 0.9), up=(0, 0, 1))
@@ -94,9 +99,9 @@ def _computer() -> list[Placed]:
     top = cases.tray_outer_mm(PI, cases.CASE)[2]
     lid = Pos(0, 0, top + floor) * Rot(180, 0, 0) * cases.computer_lid()
     return [
-        Placed(name="base", shape=cases.computer_tray(), apart=(0, 0, 0)),
+        Placed(name="tray", shape=cases.computer_tray(), apart=(0, 0, 0)),
         Placed(name="Raspberry Pi", shape=board, apart=(0, 0, 45), bought=True),
-        Placed(name="arm", shape=lid, apart=(0, 0, 85)),
+        Placed(name="lid", shape=lid, apart=(0, 0, 85)),
     ]
 
 
@@ -110,26 +115,67 @@ def _display() -> list[Placed]:
     pico = Pos(0, 0, depth - floor - 6) * Box(51, 21, 2, align=LOW)
     back = Pos(0, 0, depth + floor) * Rot(180, 0, 0) * cases.display_back(display)
     return [
-        Placed(name="knob", shape=cases.display_front(display), apart=(0, 0, 0)),
-        Placed(name="camera", shape=module, apart=(0, 0, 40), bought=True),
-        Placed(name="arm", shape=pico, apart=(0, 0, 62), bought=True),
-        Placed(name="pad", shape=back, apart=(0, 0, 85)),
+        Placed(name="front", shape=cases.display_front(display), apart=(0, 0, 0)),
+        Placed(name="LED matrix", shape=module, apart=(0, 0, 40), bought=True),
+        Placed(name="Pico", shape=pico, apart=(0, 0, 62), bought=True),
+        Placed(name="back", shape=back, apart=(0, 0, 85)),
     ]
 
 
 def _svg(title: str, placed: Sequence[Placed], view: View, *, apart: bool) -> str:
     bodies = [
-        Body(shape=body.shape, colour=_colour(body), offset_mm=body.apart if apart else (0.0, 0.0, 0.0))
-        for body in placed
+        Body(shape=each.shape, colour=_colour(each), offset_mm=each.apart if apart else (0, 0, 0)) for each in placed
     ]
-    drawn, (x0, y0, x1, y1) = shaded(bodies, view)
-    x0, y0, width, height = x0 - 4, y0 - 4, x1 - x0 + 8, y1 - y0 + 8
+    drawn = shaded(bodies, view)
+    x0, y0, x1, y1 = drawn.bounds
+    x0, y0, width, height = x0 - 9, y0 - 9, x1 - x0 + 18, y1 - y0 + 18
+    names = list(dict.fromkeys(body.name for body in placed))
+    rows = -(-len(names) // _COLUMNS) if apart else 0
+    balloons = _balloons(placed, names, drawn) + _legend(names, x0, y0 + height, width) if apart else ""
+    height += rows * _ROW_MM
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{x0:.2f} {y0:.2f} {width:.2f} {height:.2f}" '
-        f'width="{width * 3:.0f}" height="{height * 3:.0f}"><title>{escape(title)}</title>'
-        f'<rect x="{x0:.2f}" y="{y0:.2f}" width="{width:.2f}" height="{height:.2f}" fill="#fff"/>\n{drawn}\n</svg>\n'
+        f'width="{width * 3:.0f}" height="{height * 3:.0f}" font-family="Helvetica, Arial, sans-serif" font-size="5">'
+        f"<title>{escape(title)}</title>"
+        f'<rect x="{x0:.2f}" y="{y0:.2f}" width="{width:.2f}" height="{height:.2f}" fill="#fff"/>\n'
+        f"{drawn.svg}\n{balloons}</svg>\n"
+    )
+
+
+def _balloons(placed: Sequence[Placed], names: Sequence[str], drawn: Shaded) -> str:
+    """A number beside one body of each name, on a leader that points away from the picture's middle."""
+    x0, y0, x1, y1 = drawn.bounds
+    out = []
+    for number, name in enumerate(names, start=1):
+        spots = [spot for body, spot in zip(placed, drawn.spots, strict=True) if body.name == name and spot is not None]
+        if not spots:
+            continue
+        x, y = spots[0]
+        away_x, away_y = x - (x0 + x1) / 2, y - (y0 + y1) / 2
+        length = math.hypot(away_x, away_y) or 1.0
+        end_x, end_y = x + _LEADER_MM * away_x / length, y + _LEADER_MM * away_y / length
+        out.append(
+            f'<path d="M{x:.2f} {y:.2f}L{end_x:.2f} {end_y:.2f}" stroke="#111" stroke-width="0.4"/>'
+            f'<circle cx="{x:.2f}" cy="{y:.2f}" r="0.8" fill="#111"/>{_balloon(number, end_x, end_y)}\n'
+        )
+    return "".join(out)
+
+
+def _legend(names: Sequence[str], x0: float, y0: float, width: float) -> str:
+    out = []
+    for index, name in enumerate(names):
+        x, y = x0 + 8 + index % _COLUMNS * (width - 8) / _COLUMNS, y0 + index // _COLUMNS * _ROW_MM
+        words = f'<text x="{x + 5.5:.2f}" y="{y + 1.8:.2f}" fill="#111">{escape(name)}</text>'
+        out.append(f"{_balloon(index + 1, x, y)}{words}\n")
+    return "".join(out)
+
+
+def _balloon(number: int, x: float, y: float) -> str:
+    return (
+        f'<circle cx="{x:.2f}" cy="{y:.2f}" r="3.6" fill="#fff" stroke="#111" stroke-width="0.4"/>'
+        f'<text x="{x:.2f}" y="{y + 1.8:.2f}" text-anchor="middle" fill="#111">{number}</text>'
     )
 
 
 def _colour(body: Placed) -> tuple[int, int, int]:
-    return _COLOURS.get(body.name, _BOUGHT if body.bought else _CLAMP)
+    return _BOUGHT if body.bought and body.name != "camera" else _COLOURS.get(body.name, _CLAMP)

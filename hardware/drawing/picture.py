@@ -15,6 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hardware import triangles
+
 Floats = NDArray[np.float64]
 
 SHADES = 7
@@ -78,10 +80,19 @@ class _Patch:
         return float(z[inside].max())
 
 
-def shaded(
-    bodies: Sequence[Body], view: View, *, line_mm: float = 0.25
-) -> tuple[str, tuple[float, float, float, float]]:
-    """The bodies as SVG elements in mm (x right, y down), and their bounds: least x, least y, greatest x, greatest y."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shaded:
+    """Bodies as SVG elements in mm (x right, y down)."""
+
+    svg: str
+    bounds: tuple[float, float, float, float]
+    """Least x and y, greatest x and y."""
+    spots: tuple[tuple[float, float] | None, ...]
+    """For each body a point well inside the largest part of it that is seen; none where nothing is."""
+
+
+def shaded(bodies: Sequence[Body], view: View, *, line_mm: float = 0.25) -> Shaded:
+    """The bodies as they are seen."""
     axes = view.axes()
     patches = [patch for index, body in enumerate(bodies) for patch in _patches(index, body, axes)]
     _hide(patches)
@@ -102,16 +113,16 @@ def shaded(
         drawn.append("</g>")
     bounds = shapely.total_bounds(np.array([patch.area for patch in patches]))
     least_x, least_y, most_x, most_y = (float(value) for value in bounds)
-    return "\n".join(drawn), (least_x, -most_y, most_x, -least_y)
+    spots = tuple(_spot([patch.seen for patch in patches if patch.body == index]) for index in range(len(bodies)))
+    return Shaded(svg="\n".join(drawn), bounds=(least_x, -most_y, most_x, -least_y), spots=spots)
 
 
 def _patches(index: int, body: Body, axes: Floats) -> list[_Patch]:
     light = np.array([-0.35, 0.55, 0.76])
     found = []
-    for number, face in enumerate(body.shape.faces()):
-        vertices, triangles = face.tessellate(_MESH_MM, _MESH_RAD)
-        points = np.array([(v.X, v.Y, v.Z) for v in vertices]) + np.array(body.offset_mm)
-        corners = (points @ axes.T)[np.array(triangles)]
+    faces = triangles.of_faces(body.shape, deviation_mm=_MESH_MM, deviation_rad=_MESH_RAD)
+    for number, face in enumerate(faces):
+        corners = (face + np.array(body.offset_mm)) @ axes.T
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         lengths = np.linalg.norm(normals, axis=1)
         facing = (normals[:, 2] > 1e-3 * lengths) & (lengths > 1e-9)
@@ -150,6 +161,14 @@ def _hide(patches: list[_Patch]) -> None:
             )
 
 
+def _spot(seen: Sequence[BaseGeometry]) -> tuple[float, float] | None:
+    parts = [part for part in shapely.get_parts(shapely.union_all(list(seen), grid_size=_GRID_MM)) if part.area > 0]
+    if not parts:
+        return None
+    point = max(parts, key=lambda part: part.area).representative_point()
+    return float(point.x), -float(point.y)
+
+
 def _closed(area: BaseGeometry) -> BaseGeometry:
     """Without the hairline gaps that rounding leaves between triangles."""
     return _grown(_grown(area, _HAIR_MM), -_HAIR_MM)
@@ -162,7 +181,9 @@ def _opened(area: BaseGeometry) -> BaseGeometry:
 
 def _grown(area: BaseGeometry, by_mm: float) -> BaseGeometry:
     """Grown or shrunk, and made of sound polygons alone: others stop shapely's set operations."""
-    rounded = shapely.set_precision(shapely.make_valid(area.buffer(by_mm, join_style="mitre")), _GRID_MM)
+    # An area that carries a grid is buffered on that grid, wrongly at times: take it off first.
+    grown = shapely.set_precision(area, 0).buffer(by_mm, join_style="mitre")
+    rounded = shapely.set_precision(shapely.make_valid(grown), _GRID_MM)
     parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(rounded)))
     polygons = [part for part in parts if part.geom_type == "Polygon"]
     return shapely.union_all(polygons, grid_size=_GRID_MM) if polygons else shapely.Polygon()

@@ -267,7 +267,8 @@ def _words(text: str, place: str) -> str:
 
 def _corner_picture(sheet: Sheet, frames: dict[ViewName, _Frame]) -> str:
     """A shaded picture in the free corner, above the side view."""
-    body, (x0, y0, x1, y1) = shaded([Body(shape=sheet.shape, colour=sheet.colour)], sheet.picture, line_mm=0.3)
+    picture = shaded([Body(shape=sheet.shape, colour=sheet.colour)], sheet.picture, line_mm=0.3)
+    x0, y0, x1, y1 = picture.bounds
     top = frames["top"]
     gap = _gap(sheet.dimensions, "top", (top.least, top.most), top.scale)
     left = top.on_paper(top.most)[0] + max(gap.right, 8) + 6
@@ -276,7 +277,7 @@ def _corner_picture(sheet: Sheet, frames: dict[ViewName, _Frame]) -> str:
     scale = min(room[0] / (x1 - x0), room[1] / (y1 - y0), 1.2)
     dx = left + (room[0] - scale * (x1 - x0)) / 2 - scale * x0
     dy = _MARGIN_MM + 4 + (room[1] - scale * (y1 - y0)) / 2 - scale * y0
-    return f'<g transform="translate({dx:.2f} {dy:.2f}) scale({scale:.3f})">{body}</g>'
+    return f'<g transform="translate({dx:.2f} {dy:.2f}) scale({scale:.3f})">{picture.svg}</g>'
 
 
 def _border(sheet: Sheet, scale: float) -> str:

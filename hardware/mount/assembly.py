@@ -72,7 +72,7 @@ def carried(camera: Camera) -> tuple[Placed, ...]:
     """Cradle and camera in the cradle's frame; the way apart is in the cradle's frame, too."""
     if isinstance(camera, Webcam):
         upper = cradles.webcam_jaw_y_mm(camera)
-        back = cradles.CRADLE.back_mm + 0.2
+        back = cradles.CRADLE.back_mm + cradles.CRADLE.foam_mm
         body = Pos(0, 0, back) * Box(camera.width_mm, camera.height_mm, camera.depth_mm, align=LOW)
         body += Pos(0, 0, back + camera.depth_mm) * Cylinder(9, 4, align=LOW)
         bar = Pos(0, upper, cradles.webcam_screw_z_mm(camera)) * Rot(-90, 0, 0) * cradles.webcam_bar(camera)
@@ -97,7 +97,7 @@ def fasteners() -> list[Placed]:
     bolt = hex_bolt(M5, 40)
     parts = [Placed(name="M5 x 40", shape=Pos(0, 0, 4) * bolt, apart=(0, 0, -45), bought=True)]
     washer = Cylinder(7.5, 1, align=LOW) - Cylinder(2.7, 1, align=LOW)
-    parts.append(Placed(name="washer", shape=Pos(0, 0, outer) * washer, apart=(0, 0, 80), bought=True))
+    parts.append(Placed(name="M5 washer", shape=Pos(0, 0, outer) * washer, apart=(0, 0, 80), bought=True))
     nut = extrude(RegularPolygon(M5.nut_flats_mm / 3**0.5, 6), amount=5) - Cylinder(2.4, 20)
     parts.append(Placed(name="M5 nut", shape=Pos(0, 0, outer + 8) * nut, apart=(0, 0, 118), bought=True))
     x, y, z = joint.SIZE.plate_centre_mm

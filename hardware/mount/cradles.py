@@ -42,7 +42,7 @@ def webcam_cradle(camera: Webcam, size: CradleSize = CRADLE, joint: JointSize = 
     """Back plate and lower jaw in two halves, with room for the camera's foot between them."""
     width, below, above = _webcam_extent(camera, size, joint)
     body = Pos(-width / 2, -below, 0) * Box(width, below + above, size.back_mm, align=_CORNER)
-    reach = size.back_mm + camera.depth_mm
+    reach = webcam_reach_mm(camera, size)
     body += Pos(-width / 2, -below, 0) * Box(width, size.jaw_mm, reach, align=_CORNER)
     body += _lip(width, -below + size.jaw_mm, reach, size.lip_mm)
     foot = jaw_gap_mm(camera, joint)
@@ -112,7 +112,12 @@ def webcam_screws_x_mm(camera: Webcam, size: CradleSize = CRADLE) -> tuple[float
 
 def webcam_screw_z_mm(camera: Webcam, size: CradleSize = CRADLE) -> float:
     """How far in front of the arm's plate they stand: at the middle of the camera."""
-    return size.back_mm + camera.depth_mm / 2
+    return size.back_mm + size.foam_mm + camera.depth_mm / 2
+
+
+def webcam_reach_mm(camera: Webcam, size: CradleSize = CRADLE) -> float:
+    """How far the lower jaw reaches in front of the arm's plate: foam behind the camera, the lip in front of it."""
+    return size.back_mm + size.foam_mm + camera.depth_mm + size.lip_mm
 
 
 def webcam_jaw_y_mm(camera: Webcam, size: CradleSize = CRADLE) -> float:
