@@ -191,30 +191,35 @@ releases_newest_first() {
     done | sort -rn | cut -f 2
 }
 
+# What a box without a network lacks: wheels, and the Debian packages that a small system does not have.
 download_wheels() {
     check_system
     check_sources
-    local line names=() scratch
-    install_debian_packages
+    local line names=() scratch name python_name
+    "$python" -c 'import venv, ensurepip' 2>/dev/null || failed "--download needs python3-venv here: apt install python3-venv"
     step "downloading to $download"
     mkdir -p "$download"
+    download=$(cd "$download" && pwd)
     scratch=$(mktemp -d)
     # systemd-python is Debian's, since it has no wheels.
     "$python" -c 'import sys, tomllib
-project = tomllib.load(open(sys.argv[1], "rb"))["project"]
-wanted = sum((project["optional-dependencies"][extra] for extra in sys.argv[2:]), project["dependencies"])
+whole = tomllib.load(open(sys.argv[1], "rb"))
+wanted = whole["build-system"]["requires"] + whole["project"]["dependencies"]
+for extra in sys.argv[2:]:
+    wanted += whole["project"]["optional-dependencies"][extra]
 print("\n".join(name for name in wanted if not name.startswith("systemd-python")))' \
         "$here/pyproject.toml" "${extras[@]}" | mapfile -t names
     line=$(log_lines)
-    "$python" -m venv "$scratch/venv"
-    quietly "$scratch/venv/bin/pip" download --disable-pip-version-check --only-binary=:all: -c "$here/constraints.txt" \
-        -d "$download" "${names[@]}" 'setuptools>=77' wheel || {
+    quietly "$python" -m venv "$scratch/venv"
+    quietly "$scratch/venv/bin/python" -m pip download --disable-pip-version-check --only-binary=:all: -d "$download" \
+        -c "$here/constraints.txt" "${names[@]}" || {
         rm -rf "$scratch"
         failed "pip could not download the packages: $(reason_since "$line")"
     }
     rm -rf "$scratch"
-    if [ -z "$root" ]; then
-        (cd "$download" && try apt-get download python3-venv python3-systemd "$(readlink -f /usr/bin/python3 | xargs basename)-venv")
-    fi
-    step "done: carry $download to the box and run there: sudo ./install.sh --wheels $download"
+    python_name=$("$python" -c 'import sys; print(f"python{sys.version_info[0]}.{sys.version_info[1]}-venv")')
+    for name in python3-venv "$python_name" python3-pip-whl python3-setuptools-whl python3-systemd; do
+        (cd "$download" && try apt-get download "$name")
+    done
+    step "done: carry $download to the box and run there: sudo ./install.sh --wheels DIR"
 }

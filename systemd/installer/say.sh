@@ -1,7 +1,7 @@
 # shellcheck shell=bash
 # How install.sh speaks, ends, and runs what may be interrupted. Knows nothing of dnb-edge.
 
-stage=checking # building: a release is being made; switching: the machine is being changed; done
+stage=checking # building: a release is being made; switching: the machine is being changed; back: and back again; done
 child='' told=no
 
 # The log may lie on a full disk: that it cannot be written ends nothing.

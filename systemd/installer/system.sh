@@ -115,6 +115,11 @@ put_files() {
 put_file() {
     if install -m 644 "$1" "$2.new" 2>>"$log" && mv -T "$2.new" "$2" 2>>"$log"; then return; fi
     rm -rf "$2.new"
+    # On the way back the rest still has to be done.
+    if [ "$stage" = back ]; then
+        printf 'dnb-edge: %s could not be put back\n' "$2" >&2
+        return
+    fi
     failed "$2 could not be written: is the disk full? (see df -h)"
 }
 
@@ -143,7 +148,7 @@ tell_systemd() {
 
 stop_units() {
     systemd_runs || return 0
-    try systemctl stop "${units[@]}" dnb-edge-foxglove.service
+    try systemctl stop "${units[@]}"
 }
 
 start_units() {
@@ -152,6 +157,8 @@ start_units() {
         quietly systemctl restart "$unit" ||
             failed "$unit does not start: $(systemctl show -P Result "$unit" 2>/dev/null); journalctl -u $unit says why"
     done
+    # Off unless somebody has enabled it; it would go on with the old release's programs.
+    try systemctl try-restart dnb-edge-foxglove.service
 }
 
 phase_now() { "$python" "$here/systemd/health_check.py" --phase "$root/run/dnb-edge/live.sock" 2>/dev/null || true; }
@@ -177,6 +184,7 @@ check_health() {
 
 # The way back of whatever failed behind the first change to the machine.
 switch_back() {
+    stage=back
     if systemd_runs; then systemctl stop "${units[@]}" >>"$log" 2>&1; fi
     if [ -n "$before" ] && [ -d "$before" ]; then previous=$before; fi
     if [ -z "$previous" ] && [ -z "$before" ]; then
@@ -199,6 +207,7 @@ switch_back() {
         systemctl daemon-reload >>"$log" 2>&1
         wanted_units | mapfile -t back
         systemctl start "${back[@]}" >>"$log" 2>&1
+        systemctl try-restart dnb-edge-foxglove.service >>"$log" 2>&1
     fi
     printf 'dnb-edge: rolled back: %s runs as before\n' "${previous:+${previous##*/}}" >&2
 }

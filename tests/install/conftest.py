@@ -1,17 +1,28 @@
 """Fixtures of the installer's tests."""
 
+import compileall
 import shutil
+import venv
 
 import pytest
 from yard import Checkout, Machine
 
 
-@pytest.fixture
-def machine(tmp_path):
-    """A machine without dnb-edge."""
+@pytest.fixture(scope="session")
+def template(tmp_path_factory):
+    """An empty virtual environment."""
     if shutil.which("flock") is None or shutil.which("setsid") is None:
         pytest.skip("flock and setsid of util-linux are not installed: install.sh is for Debian")
-    one = Machine(root=tmp_path / "machine")
+    at = tmp_path_factory.mktemp("template") / "venv"
+    venv.create(at, system_site_packages=True, with_pip=True)
+    compileall.compile_dir(at / "lib", quiet=2)
+    return at
+
+
+@pytest.fixture
+def machine(tmp_path, template):
+    """A machine without dnb-edge."""
+    one = Machine(root=tmp_path / "machine", template=template)
     yield one
     one.close()
 

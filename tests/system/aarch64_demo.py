@@ -2,8 +2,8 @@
 
 Not a test of `make test`: it needs Linux, root, the network and Debian's `mmdebstrap` and `qemu-user-static`; where one is
 missing it says so and ends well. `make aarch64-check` runs it. A Debian 13 for arm64, the base of Raspberry Pi OS today, is
-unpacked into build/ and kept there; the package is installed in it from this checkout with pip, under constraints.txt, and
-what has no wheel is compiled there. The first time takes half an hour on two cores, later ones ten minutes.
+unpacked into build/ and kept there, and this checkout is installed in it by its own install.sh: what it lacks from Debian, the
+rest from pip, then an upgrade each time. The first time takes half an hour on two cores, later ones ten minutes.
 
 Pictures, detector, core, recording and report run there. Lap times must agree within 0.1 ms, similarity within 0.1 of a point.
 They are not equal to the bit: the detector's windows are placed by what it found, and so every last digit comes round again.
@@ -12,7 +12,6 @@ They are not equal to the bit: the detector's windows are placed by what it foun
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import os
 import platform
@@ -31,8 +30,8 @@ REPOSITORY = HERE.parents[2]
 LIMIT_S = 0.0001
 LIMIT_POINTS = 0.1
 SUITE = "trixie"
-PACKAGES = "python3,python3-venv,python3-dev,gcc,libc6-dev,pkg-config,libsystemd-dev,ca-certificates"
-"""What `.ci/install` asks of a Debian."""
+PACKAGES = "python3,ca-certificates,systemd"
+"""A small system that starts with systemd; install.sh gets itself what it lacks."""
 QEMU = Path("/usr/bin/qemu-aarch64-static")
 PROCESSOR = "cortex-a72"
 """A Raspberry Pi 4's."""
@@ -85,8 +84,13 @@ def run(words: list[str], **more: Any) -> subprocess.CompletedProcess[str]:
 def guest(root: Path, words: list[str], **more: Any) -> subprocess.CompletedProcess[str]:
     """Runs a command in the guest, with /proc for its length."""
     environment = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
-    environment |= {"HOME": "/root", "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8", "QEMU_CPU": PROCESSOR}
-    environment |= {"PIP_CERT": "/src/ca.crt", "PIP_DEFAULT_TIMEOUT": "180", "OMP_NUM_THREADS": "1"}
+    environment |= {
+        "HOME": "/root",
+        "PATH": "/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
+        "LANG": "C.UTF-8",
+        "QEMU_CPU": PROCESSOR,
+    }
+    environment |= {"PIP_CERT": "/etc/ssl/certs/pip.crt", "PIP_DEFAULT_TIMEOUT": "180", "OMP_NUM_THREADS": "1"}
     run(["mount", "-t", "proc", "proc", str(root / "proc")])
     try:
         return run(["chroot", str(root), *words], env=environment, **more)
@@ -101,29 +105,23 @@ def build(root: Path) -> None:
     words = ["mmdebstrap", "--mode=root", "--arch=arm64", "--variant=minbase", f"--include={PACKAGES}"]
     words += [f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in ("man", "locale", "doc")]
     run([*words, SUITE, str(partial), "http://deb.debian.org/debian"])
-    guest(partial, ["python3", "-m", "venv", "/opt/venv"])
     partial.rename(root)
 
 
 def install(root: Path) -> None:
-    """This checkout in the guest's /opt/venv; what constraints.txt pins is installed anew when the pins change."""
-    source, stamp = root / "src", root / "opt/pins.sha256"
+    """This checkout, by its own install.sh; where the pins are the same it is an upgrade of what is there."""
+    source = root / "src"
     shutil.rmtree(source, ignore_errors=True)
     source.mkdir()
-    for name in ("pyproject.toml", "constraints.txt", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "constraints.txt", "README.md", "LICENSE", "install.sh"):
         shutil.copy(REPOSITORY / name, source)
-    shutil.copytree(REPOSITORY / "dnb_edge", source / "dnb_edge", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(os.environ.get("PIP_CERT", CERTIFICATES), source / "ca.crt")
+    for name in ("dnb_edge", "systemd"):
+        shutil.copytree(REPOSITORY / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(os.environ.get("PIP_CERT", CERTIFICATES), root / "etc/ssl/certs/pip.crt")
     shutil.copy("/etc/resolv.conf", root / "etc/resolv.conf")
-    pins = hashlib.sha256(
-        (source / "constraints.txt").read_bytes() + (source / "pyproject.toml").read_bytes()
-    ).hexdigest()
-    words = ["/opt/venv/bin/pip", "install", "--quiet", "--disable-pip-version-check", "--use-pep517", "--no-compile"]
-    if not stamp.exists() or stamp.read_text() != pins:
-        guest(root, [*words, "-c", "/src/constraints.txt", "/src"])
-        stamp.write_text(pins)
-    else:
-        guest(root, [*words, "--no-deps", "--force-reinstall", "/src"])
+    guest(root, ["/src/install.sh", "--no-start"])
+    for unit in ("dnb-edge", "dnb-edge-web"):
+        guest(root, ["systemctl", "is-enabled", unit], stdout=subprocess.DEVNULL)
 
 
 def laps_of(lines: str) -> list[dict[str, Any]]:
@@ -155,7 +153,7 @@ def main() -> None:
         description="Install and race on aarch64, emulated, and compare with this processor."
     )
     parser.add_argument(
-        "--root", type=Path, default=REPOSITORY / "build/aarch64-trixie", help="its folder; made if absent"
+        "--root", type=Path, default=REPOSITORY / "build/aarch64-box", help="its folder; made if absent"
     )
     parser.add_argument("--laps", type=int, default=1)
     given = parser.parse_args()
@@ -174,7 +172,7 @@ def main() -> None:
             [sys.executable, "-m", "dnb_edge", *demo, scratch], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
         started_s = time.monotonic()
-        there = guest(root, ["/opt/venv/bin/dnb-edge", *demo, "/tmp/demo"], capture_output=True)
+        there = guest(root, ["dnb-edge", *demo, "/tmp/demo"], capture_output=True)
     figures = compare(laps_of(here.stdout), laps_of(there.stdout))
     print(json.dumps({"processor": PROCESSOR, "took_s": round(time.monotonic() - started_s), **figures}))
     far = figures["largest_time_difference_s"] > LIMIT_S or figures["largest_similarity_difference"] > LIMIT_POINTS
