@@ -18,6 +18,7 @@ HARDWARE_FLAGS ?=
 AARCH64_FLAGS ?=
 AARCH64_DEMO_FLAGS ?=
 FUZZ_FLAGS ?=
+SYSTEM_TESTS ?= tests/system --ignore=tests/system/test_quick_start.py
 PYTEST_FLAGS ?=
 export PYTHON VENV_FLAGS TORCH_INDEX
 
@@ -25,7 +26,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train hardware hardware-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test lock clean
+.PHONY: help demo test lint format train hardware hardware-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-14s %s\n", $$1, $$2 }'
@@ -100,7 +101,10 @@ aarch64-check: .venv/.test-installed ## The model, the race and the installed de
 system-test: .venv/.test-installed ## The appliance in a virtual machine with a played USB webcam: races and faults (Linux, root, qemu; 25 minutes)
 	$(call say,pytest tests/system)
 	@$(BIN)/pytest -n 0 -v -p no:cacheprovider -o log_cli=true -o log_cli_level=INFO -o log_cli_format='%(asctime)s %(message)s' \
-	    -o log_cli_date_format=%H:%M:%S --durations=0 $(PYTEST_FLAGS) tests/system
+	    -o log_cli_date_format=%H:%M:%S --durations=0 $(PYTEST_FLAGS) $(SYSTEM_TESTS)
+
+quick-start-test: ## The quick start's own commands in a clean Debian 13, as system-test (ten minutes)
+	@$(MAKE) --no-print-directory system-test SYSTEM_TESTS=tests/system/test_quick_start.py
 
 lock: ## Resolve all dependencies anew into constraints.txt
 	@.ci/lock

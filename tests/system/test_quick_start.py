@@ -13,6 +13,8 @@ from harness.recipe import REPOSITORY as CHECKOUT
 PAGE = CHECKOUT / "docs" / "quick-start.md"
 LIMIT_S = 600.0
 """All commands of the page together."""
+PROCESSORS = 2
+"""Of the guest. On a host that is busy with other things the clock says nothing: the host's work for both is what is limited."""
 PATIENCE_S = 1800.0
 HOME = "/home/racer"
 PREPARE = (
@@ -41,6 +43,7 @@ def test_the_quick_start_leads_to_the_first_timed_lap(boot_clean_guest, logs):
     said = "set -euo pipefail\n"
     for number, box in enumerate(boxes):
         said += f"echo \"#### box {number} $(cut -d' ' -f1 /proc/uptime)\"\n{box}"
+    before_s = guest.processor_s
     guest.put(said + "echo \"#### end $(cut -d' ' -f1 /proc/uptime)\"\n", f"{HOME}/quick-start.sh")
     output = guest.run(f"su - racer -c 'bash {HOME}/quick-start.sh'", timeout_s=PATIENCE_S, check=False)
     (logs / "output.txt").write_text(output)
@@ -51,10 +54,11 @@ def test_the_quick_start_leads_to_the_first_timed_lap(boot_clean_guest, logs):
     note(
         logs,
         quick_start_s=round(at_s[-1] - at_s[0]),
+        processors_s=round(guest.processor_s - before_s),
         boxes_s=[round(b - a) for a, b in itertools.pairwise(at_s)],
     )
     laps = LAP.findall(output)
     assert laps, output[-3000:]
     assert len(set(laps)) == 1, laps
     assert guest.run("systemctl is-active dnb-edge dnb-edge-web").split() == ["active", "active"]
-    assert at_s[-1] - at_s[0] <= LIMIT_S
+    assert guest.processor_s - before_s <= LIMIT_S * PROCESSORS

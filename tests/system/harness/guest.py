@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import json
 import logging
+import os
 import shlex
 import shutil
 import socket
@@ -167,6 +168,13 @@ class Guest:
     def clock_s(self) -> float:
         """The guest's CLOCK_MONOTONIC now, seconds: the clock of frames' stamps."""
         return float(self.run("cut -d' ' -f1 /proc/uptime"))
+
+    @property
+    def processor_s(self) -> float:
+        """How long this machine's processors have worked for it since it was switched on, seconds."""
+        assert self._process is not None
+        words = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
     @property
     def running(self) -> bool:

@@ -32,7 +32,7 @@ class Suite:
 
 TRIXIE = Suite(name="trixie", python="3.13", cameras=("v4l-utils", "usbip", "python3-libcamera", "libcamera-ipa"))
 """Debian 13, the base of today's Raspberry Pi OS."""
-BOOKWORM = Suite(name="bookworm", python="3.11", cameras=("v4l-utils",))
+BOOKWORM = Suite(name="bookworm", python="3.11", cameras=("v4l-utils", "usbip"))
 """Debian 12, the oldest that is supported."""
 
 SYSTEM = (
