@@ -14,7 +14,7 @@ PAGE = CHECKOUT / "docs" / "quick-start.md"
 LIMIT_S = 600.0
 """All commands of the page together."""
 PROCESSORS = 2
-"""Of the guest. On a host that is busy with other things the clock says nothing: the host's work for both is what is limited."""
+"""Of the guest. On a host that is busy with other things the clock says nothing: its work for both of them is limited."""
 PATIENCE_S = 1800.0
 HOME = "/home/racer"
 PREPARE = (
