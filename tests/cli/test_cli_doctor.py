@@ -9,10 +9,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import yaml
 from edge_command import edge
 
 from dnb_edge.doctor.checks import CHECKS
 from dnb_edge.doctor.verdict import Status
+from dnb_edge.sim.rig import Rig
 
 SIM = "capture.source=sim:?laps=1"
 
@@ -89,6 +91,36 @@ def test_what_is_broken_is_found(
     found = checks[name]
     assert found["status"] == status, found
     assert said in f"{found['found']} {found['fix']}", found
+    assert code == (1 if status == "fail" else 0)
+
+
+@pytest.mark.parametrize(
+    ("shift_px", "status", "said"), [(0.0, "ok", "where it was"), (6.0, "fail", "the camera has moved")]
+)
+def test_a_camera_that_moved_is_found(config: Path, rig: Rig, shift_px: float, status: str, said: str) -> None:
+    """The pictures are compared with the one that the calibration kept; without one nobody can tell."""
+    track = config.parent
+    unkept = told(config, "--only", "camera-moved")[1]["camera-moved"]
+    assert (unkept["status"], "kept no picture" in unkept["found"]) == ("skip", True)
+    cv2.imwrite(str(track / "still.png"), rig.frame(0).bgr)
+    made = edge(
+        "calibrate", "keypoints", "--config", config, "--picture", track / "still.png", "--out", track / "view.yaml"
+    )
+    assert made.code == 0, made.err
+    plain = yaml.safe_load(config.read_text())
+    config.write_text(yaml.safe_dump(plain | {"view": {"calibration": "view.yaml"}}))
+    writer = cv2.VideoWriter(str(track / "clip.mp4"), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), 30, (1280, 720))
+    shift = np.array([[1.0, 0.0, shift_px], [0.0, 1.0, -0.5 * shift_px]])
+    for number in range(5):
+        picture = cv2.warpAffine(rig.frame(6 * number).bgr, shift, (1280, 720), borderMode=cv2.BORDER_REFLECT)
+        writer.write(picture)
+    writer.release()
+    uri = ("--set", f"capture.source=file:{track}/clip.mp4")
+    code, checks = told(config, "--only", "camera-moved", "--only", "calibration", "--only", "calibration-age", *uri)
+    assert checks["calibration"]["status"] == "ok", checks
+    assert checks["calibration-age"]["found"] == "0 days old"
+    assert checks["camera-moved"]["status"] == status, checks
+    assert said in checks["camera-moved"]["found"]
     assert code == (1 if status == "fail" else 0)
 
 
