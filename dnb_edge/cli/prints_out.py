@@ -33,6 +33,8 @@ def write_pages(out: Path, pages: Iterable[Page], *, title: str) -> str:
     kind = out.suffix.lower()
     if kind not in (".pdf", ".svg"):
         raise InputError(f"--out {out}: the name must end in .pdf or .svg")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: there is no directory {out.parent}: make it first")
     if kind == ".pdf":
         write_whole(out, pdf_of(pages, title=title))
         return str(out)

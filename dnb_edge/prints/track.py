@@ -11,11 +11,12 @@ from typing import Any
 import cv2
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch, PathPatch, Polygon, Rectangle
+from matplotlib.patches import PathPatch, Polygon, Rectangle
 from matplotlib.path import Path
+from numpy.typing import NDArray
 
 from dnb_edge.prints.code import draw_code
-from dnb_edge.prints.ground import TWIN_METRES_PER_PX, Ground
+from dnb_edge.prints.ground import BORDER_MM, TWIN_METRES_PER_PX, Ground
 from dnb_edge.prints.paper import BAR_MM, FAINT, GREY, INK, PAPER_MM, Page, Paper, blank, draw_bar, write
 from dnb_edge.prints.tiles import FOOT_MM, MARGIN_MM, Tile, Tiling
 from dnb_edge.sim.circuit import lane_bgr
@@ -82,20 +83,23 @@ def map_page(ground: Ground, tiling: Tiling, paper: Paper) -> Page:
     return Page(name="map", figure=figure)
 
 
-def draw_ground(axes: Axes, ground: Ground, *, scale: float, shift: tuple[float, float], clip: Patch | None) -> None:
+def draw_ground(
+    axes: Axes, ground: Ground, *, scale: float, shift: tuple[float, float], clip: Rectangle | None
+) -> None:
     """The floor on a sheet: the drawing's mm times `scale`, then moved by `shift`, cut at `clip` where one is given."""
 
     def on_paper(points: Points) -> Points:
         return np.asarray(points * scale + shift)
 
     border, lane = ground.border_mm(), (ground.left_mm, ground.right_mm)
+    near = None if clip is None else _near(ground, scale, shift, clip)
     blue, green, red = (part / 255.0 for part in lane_bgr())
     paint = (red, green, blue) if ground.filled else (1.0, 1.0, 1.0)
     ink = tuple(part / 255.0 for part in reversed(_BORDER_BGR))
     parts = [
-        PathPatch(_band(*map(on_paper, border), closed=ground.closed), facecolor=ink, linewidth=0.0),
+        PathPatch(_band(*map(on_paper, border), closed=ground.closed, near=near), facecolor=ink, linewidth=0.0),
         PathPatch(
-            _band(*map(on_paper, lane), closed=ground.closed),
+            _band(*map(on_paper, lane), closed=ground.closed, near=near),
             facecolor=paint,
             linewidth=0.0,
         ),
@@ -134,13 +138,37 @@ def twin_picture(ground: Ground) -> BgrImage:
     return np.asarray(small, dtype=np.uint8)
 
 
-def _band(left: Points, right: Points, *, closed: bool) -> Path:
-    """What lies between two edges, filled by winding: so a lane that crosses itself has no hole there."""
-    if not closed:
-        return Path(np.vstack((left, right[::-1], left[:1])), closed=True)
-    rings = [np.vstack((ring, ring[:1])) for ring in (left, right[::-1])]
-    codes = [code for ring in rings for code in (Path.MOVETO, *([Path.LINETO] * (len(ring) - 2)), Path.CLOSEPOLY)]
-    return Path(np.vstack(rings), codes)
+def _band(left: Points, right: Points, *, closed: bool, near: NDArray[np.bool_] | None = None) -> Path:
+    """What lies between two edges, filled by winding: so a lane that crosses itself has no hole there.
+
+    `near` says of each point whether that part of the band is wanted; the rest is left out, which keeps a sheet's file small.
+    """
+    if near is None or near.all():
+        if closed:
+            return _rings([left, right[::-1]])
+        near = np.ones(len(left), dtype=bool)
+    elif closed:
+        # Begin where nothing is wanted, so that no stretch is cut in two.
+        first = -int(np.flatnonzero(~near)[0])
+        left, right, near = np.roll(left, first, axis=0), np.roll(right, first, axis=0), np.roll(near, first)
+    ends = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8))).reshape(-1, 2)
+    return _rings([np.vstack((left[a:b], right[a:b][::-1])) for a, b in ends.tolist()])
+
+
+def _rings(rings: list[Points]) -> Path:
+    closed = [np.vstack((ring, ring[:1])) for ring in rings]
+    codes = [code for ring in closed for code in (Path.MOVETO, *([Path.LINETO] * (len(ring) - 2)), Path.CLOSEPOLY)]
+    return Path(np.vstack([np.empty((0, 2)), *closed]), codes or None)
+
+
+def _near(ground: Ground, scale: float, shift: tuple[float, float], clip: Rectangle) -> NDArray[np.bool_]:
+    """(n,) whether a point of the lane is so near to the clip that its part of the lane may be seen in it."""
+    low = (np.array(clip.get_xy()) - shift) / scale
+    high = low + np.array((clip.get_width(), clip.get_height())) / scale
+    half = np.maximum(*(np.linalg.norm(edge - ground.middle_mm, axis=1) for edge in (ground.left_mm, ground.right_mm)))
+    steps = np.linalg.norm(np.diff(ground.middle_mm, axis=0), axis=1)
+    reach = (half + BORDER_MM + 2.0 * float(steps.max()))[:, None]
+    return np.asarray(np.all((ground.middle_mm > low - reach) & (ground.middle_mm < high + reach), axis=1))
 
 
 def _quads(left: Points, right: Points, *, closed: bool) -> Iterator[Points]:
@@ -150,14 +178,13 @@ def _quads(left: Points, right: Points, *, closed: bool) -> Iterator[Points]:
         yield np.array((left[k], left[after], right[after], right[k]))
 
 
-def _touches(clip: Patch, x: float, y: float, side: float) -> bool:
-    assert isinstance(clip, Rectangle)
+def _touches(clip: Rectangle, x: float, y: float, side: float) -> bool:
     left, bottom, width, height = clip.get_x(), clip.get_y(), clip.get_width(), clip.get_height()
     reach = side / 2.0
     return bool(left - reach < x < left + width + reach and bottom - reach < y < bottom + height + reach)
 
 
-def _crosses(axes: Axes, tiling: Tiling, tile: Tile, shift: tuple[float, float], clip: Patch) -> None:
+def _crosses(axes: Axes, tiling: Tiling, tile: Tile, shift: tuple[float, float], clip: Rectangle) -> None:
     """A thin cross wherever sheets' edges meet: a sheet that is cut at its own lies right where it covers the other's."""
     across = sorted({one.in_sight.left for one in tiling.tiles if one.column > 0})
     up = sorted({one.in_sight.top for one in tiling.tiles if one.row > 0})
