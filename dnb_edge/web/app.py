@@ -31,6 +31,7 @@ from dnb_edge.web.guard_hosts import own_names
 from dnb_edge.web.guard_rates import Limits
 from dnb_edge.web.pages import TemplatePages
 from dnb_edge.web.sessions import Sessions
+from dnb_edge.web.signpost import Signpost, address_of
 from dnb_edge.web.static_files import StaticFiles
 from dnb_edge.web.stream import Live
 
@@ -74,7 +75,8 @@ def make_app(
         # Held here: the event loop itself keeps tasks by weak references only.
         tasks = [asyncio.create_task(lasting(live.run))]
         if isinstance(line, DaemonLine):
-            tasks.append(asyncio.create_task(lasting(line.run)))
+            signpost = Signpost(line, lambda: address_of(settings.host, settings.port))
+            tasks += [asyncio.create_task(lasting(work)) for work in (line.run, signpost.run)]
         try:
             yield
         finally:

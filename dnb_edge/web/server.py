@@ -23,6 +23,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.errors import InputError
 from dnb_edge.web.guard_rates import counted_as
+from dnb_edge.web.signpost import own_address
 
 HEAD_S = 10.0
 """Time for a request's line and headers to come."""
@@ -164,7 +165,8 @@ def addresses(host: str, port: int) -> tuple[str, ...]:
         return (f"http://{host}{tail}/",)
     if not bound.is_unspecified:
         return (f"http://[{host}]{tail}/" if bound.version == 6 else f"http://{host}{tail}/",)
-    names = [f"{socket.gethostname().partition('.')[0].lower()}.local", *_own_address(), "localhost"]
+    own = own_address()
+    names = [f"{socket.gethostname().partition('.')[0].lower()}.local", *([] if own is None else [own]), "localhost"]
     return tuple(f"http://{name}{tail}/" for name in names)
 
 
@@ -182,16 +184,6 @@ def _has_ipv6() -> bool:
     except OSError:
         return False
     return True
-
-
-def _own_address() -> list[str]:
-    """The machine's address in its network, as one would reach anything outside it; nothing is sent."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))
-        except OSError:
-            return []
-        return [str(probe.getsockname()[0])]
 
 
 class _Timer:
