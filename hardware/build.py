@@ -98,10 +98,11 @@ def _printed(part: Printed, *, step: bool) -> Made:
 
 
 def _step(part: Printed, shape: object) -> bytes:
-    """STEP without the hour and the machine in its header."""
+    """STEP without what differs from run to run: the hour, the file's name, and a count of the shapes written so far."""
     out = io.BytesIO()
     export_step(shape, out, timestamp=_STEP_DATE)
-    return re.sub(rb"FILE_NAME\('[^']*'", f"FILE_NAME('{part.name}'".encode(), out.getvalue(), count=1)
+    named = re.sub(rb"FILE_NAME\('[^']*'", f"FILE_NAME('{part.name}'".encode(), out.getvalue(), count=1)
+    return re.sub(rb"NEXT_ASSEMBLY_USAGE_OCCURRENCE\('\d+'", b"NEXT_ASSEMBLY_USAGE_OCCURRENCE('1'", named)
 
 
 def shown(made: Made) -> Iterator[tuple[str, bytes]]:

@@ -128,7 +128,7 @@ def _svg(title: str, placed: Sequence[Placed], view: View, *, apart: bool) -> st
     ]
     drawn = shaded(bodies, view)
     x0, y0, x1, y1 = drawn.bounds
-    x0, y0, width, height = x0 - 9, y0 - 9, x1 - x0 + 18, y1 - y0 + 18
+    x0, y0, width, height = x0 - 14, y0 - 14, x1 - x0 + 28, y1 - y0 + 28
     names = list(dict.fromkeys(body.name for body in placed))
     rows = -(-len(names) // _COLUMNS) if apart else 0
     balloons = _balloons(placed, names, drawn) + _legend(names, x0, y0 + height, width) if apart else ""
@@ -150,7 +150,7 @@ def _balloons(placed: Sequence[Placed], names: Sequence[str], drawn: Shaded) -> 
         spots = [spot for body, spot in zip(placed, drawn.spots, strict=True) if body.name == name and spot is not None]
         if not spots:
             continue
-        x, y = spots[0]
+        x, y, _ = max(spots, key=lambda spot: spot[2])
         away_x, away_y = x - (x0 + x1) / 2, y - (y0 + y1) / 2
         length = math.hypot(away_x, away_y) or 1.0
         end_x, end_y = x + _LEADER_MM * away_x / length, y + _LEADER_MM * away_y / length

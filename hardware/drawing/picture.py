@@ -87,8 +87,8 @@ class Shaded:
     svg: str
     bounds: tuple[float, float, float, float]
     """Least x and y, greatest x and y."""
-    spots: tuple[tuple[float, float] | None, ...]
-    """For each body a point well inside the largest part of it that is seen; none where nothing is."""
+    spots: tuple[tuple[float, float, float] | None, ...]
+    """For each body x and y inside the largest part of it that is seen, and that part's area; none where nothing is."""
 
 
 def shaded(bodies: Sequence[Body], view: View, *, line_mm: float = 0.25) -> Shaded:
@@ -161,12 +161,13 @@ def _hide(patches: list[_Patch]) -> None:
             )
 
 
-def _spot(seen: Sequence[BaseGeometry]) -> tuple[float, float] | None:
+def _spot(seen: Sequence[BaseGeometry]) -> tuple[float, float, float] | None:
     parts = [part for part in shapely.get_parts(shapely.union_all(list(seen), grid_size=_GRID_MM)) if part.area > 0]
     if not parts:
         return None
-    point = max(parts, key=lambda part: part.area).representative_point()
-    return float(point.x), -float(point.y)
+    largest = max(parts, key=lambda part: part.area)
+    point = largest.representative_point()
+    return float(point.x), -float(point.y), float(largest.area)
 
 
 def _closed(area: BaseGeometry) -> BaseGeometry:

@@ -1,6 +1,7 @@
 """The tilt joint: it locks at every whole degree, and no two parts want the same room."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -59,13 +60,13 @@ def test_a_figure_leaves_one_choice_in_nine_degrees() -> None:
     for tilt_deg in TILTS:
         by_figure.setdefault(joint.ring_figure(tilt_deg), []).append(tilt_deg)
     assert set(by_figure) == set(range(9))
-    assert all(b - a == 9 for tilts in by_figure.values() for a, b in zip(tilts, tilts[1:], strict=False))
+    assert all(b - a == 9 for tilts in by_figure.values() for a, b in pairwise(tilts))
 
 
 @settings(max_examples=3, deadline=None)
 @given(tilt_deg=st.integers(0, joint.MAX_TILT_DEG))
 def test_teeth_fit_and_hold(tilt_deg: int) -> None:
-    """At any whole degree the crowns of ring and arm fit into each other; half a degree either way they are in each other's way."""
+    """At any whole degree the crowns fit into each other; half a degree beside it they are in each other's way."""
     ring = Pos(0, 0, LIFT_MM) * Rot(0, 0, joint.ring_turn_deg(tilt_deg)) * joint.ring()
     arm = Pos(0, 0, 2 * LIFT_MM) * Rot(0, 0, -tilt_deg) * joint.arm()
     cheek = joint.cheek()
@@ -117,9 +118,9 @@ def test_the_joint_turns_freely_past_the_scale(base: str) -> None:
 def test_the_pointer_is_above_the_scale_and_below_the_ring() -> None:
     """At home the pointer's fin ends less than a millimetre above the scale, so that it can be read from any side."""
     arm = joint.arm()
-    lowest_fin = min(
-        v.Z for v in arm.vertices() if math.hypot(v.X, v.Y) > joint.SIZE.disc_radius_mm and v.Y > 20 and abs(v.X) < 5
-    )
+    radius = joint.SIZE.disc_radius_mm
+    fin = [v.Z for v in arm.vertices() if math.hypot(v.X, v.Y) > radius and v.Y > 20 and abs(v.X) < 5]
+    lowest_fin = min(fin)
     assert 0 < lowest_fin - joint.SIZE.cheek_mm < 1
 
 
