@@ -99,15 +99,17 @@ add_read_only_root() {
     step "a read-only root: from the next start on, only /var/lib/dnb-edge is written"
     line=$(log_lines)
     if [ -z "$root" ] && ! dpkg-query -W overlayroot >/dev/null 2>&1; then
-        quietly env DEBIAN_FRONTEND=noninteractive apt-get -y -o DPkg::Lock::Timeout=300 install --no-install-recommends overlayroot ||
-            failed "apt-get could not install overlayroot: $(reason_since "$line")"
+        # Its initial ram disk wants mke2fs, and it does not say so.
+        quietly env DEBIAN_FRONTEND=noninteractive apt-get -y -o DPkg::Lock::Timeout=300 install --no-install-recommends \
+            e2fsprogs overlayroot || failed "dnb-edge is installed, but overlayroot is not: $(reason_since "$line")"
     fi
     # recurse=0: only the root itself. Other partitions stay as they are, and so do recordings.
     printf '# Of dnb-edge: install.sh --read-only-root; see docs/install.md for the way back.\noverlayroot="tmpfs:recurse=0"\n' \
         >"$overlay_file.new"
     mv -T "$overlay_file.new" "$overlay_file"
-    if [ -z "$root" ]; then
-        quietly update-initramfs -u || failed "update-initramfs failed: $(reason_since "$line")"
+    if [ -z "$root" ] && ! quietly update-initramfs -u; then
+        rm -f "$overlay_file"
+        failed "dnb-edge is installed, but the root stays writable: update-initramfs failed: $(reason_since "$line")"
     fi
 }
 

@@ -66,3 +66,15 @@ def test_optional_packages_stay_through_upgrades(machine, checkout):
     assert "extras=luma" in (machine.current / ".complete").read_text()
     assert machine.install(checkout(version="1.1")).returncode == 0
     assert "extras=luma" in (machine.current / ".complete").read_text()
+
+
+def test_a_read_only_root_leaves_recordings_alone(machine, checkout):
+    """Only the root is laid over: what is mounted on /var/lib/dnb-edge is written on; uninstalling takes it back."""
+    machine.program("mountpoint", f'#!/bin/bash\n[ "${{!#}}" = {machine.root}/var/lib/dnb-edge ]\n')
+    clone = checkout()
+    done = machine.install(clone, "--read-only-root")
+    assert done.returncode == 0, done.stderr
+    conf = machine.root / "etc/overlayroot.local.conf"
+    assert conf.read_text().splitlines()[-1] == 'overlayroot="tmpfs:recurse=0"'
+    assert machine.install(clone, "--uninstall").returncode == 0
+    assert not conf.exists()
