@@ -135,7 +135,9 @@ print("\n".join(tomllib.load(open(sys.argv[1], "rb"))["build-system"]["requires"
     unset TMPDIR
     rm -rf "$release/scratch" "$release/source"
     # By all processors, and now: the service may not write here. Some packages hold examples that do not compile.
-    try "$release/bin/python" -m compileall -q -j 0 "$release/lib"
+    local new=("$release/lib")
+    if [ -n "$base" ]; then new=("$release"/lib/python3*/site-packages/dnb_edge); fi
+    try "$release/bin/python" -m compileall -q -j 0 "${new[@]}"
 }
 
 check_release() {
