@@ -86,6 +86,7 @@ def test_a_racing_box_is_upgraded_taken_back_and_freed_of_it(appliance, guest, w
     assert version(guest) == was
     assert guest.run("readlink -f /opt/dnb-edge/venv").strip() == release
 
+    appliance.stop()
     runs = guest.run("ls /var/lib/dnb-edge/runs")
     said, _ = install(guest, "/opt/dnb-edge/venv", "--uninstall")
     assert said.endswith("exit code 0\n"), said
