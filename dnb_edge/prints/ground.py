@@ -31,6 +31,9 @@ _CLEAR_MM = 6.0
 """Between a floor marker's white border and the lane's dark one, or the drawing's edge."""
 _BESIDE_M = 0.06
 """Floor round the lane of a track that comes without a size."""
+_GRID_MM = 5.0
+"""Floor markers' middles lie at whole multiples of it."""
+_WIDE_MM = 60.0
 _CELL_MM = 8.0
 _ARROW_MM = 60.0
 _ARROW = ((0.0, 0.08), (0.55, 0.08), (0.55, 0.25), (1.0, 0.0), (0.55, -0.25), (0.55, -0.08), (0.0, -0.08))
@@ -76,9 +79,15 @@ class Ground:
         left, right = self.left_mm - self.middle_mm, self.right_mm - self.middle_mm
         return self.middle_mm + _longer(left, BORDER_MM), self.middle_mm + _longer(right, BORDER_MM)
 
+    def _colour_mm(self) -> tuple[Points, ...]:
+        """Lines along the lane, `_WIDE_MM` apart at most: a sheet may lie between its middle and its edge."""
+        ways = [edge - self.middle_mm for edge in self.border_mm()]
+        count = math.ceil(max(float(np.linalg.norm(way, axis=1).max()) for way in ways) / _WIDE_MM)
+        return tuple(self.middle_mm + k / count * way for way in ways for k in range(1, count))
+
     def needs(self, box: Box) -> bool:
         """Whether anything is to be printed in this part of the floor."""
-        outlines = [*self.border_mm(), self.middle_mm, *self.flags_mm]
+        outlines = [*self.border_mm(), self.middle_mm, *self.flags_mm, *(self._colour_mm() if self.filled else ())]
         outlines += [_square(1000.0 * (np.asarray(one.at_m) - self.origin_m), self.marker_mm) for one in self.markers]
         if self.arrow_mm is not None:
             outlines.append(self.arrow_mm)
@@ -224,13 +233,19 @@ def _room(ground: Ground, tiling: Tiling, half: float) -> Points:
             continue
         box = tile.in_sight
         low, high = np.array((box.left, box.bottom)), np.array((box.right, box.top))
+        first = np.ceil((low + reach) / _GRID_MM).astype(int)
+        counts = np.floor((high - reach) / _GRID_MM + 1e-6).astype(int) - first + 1
+        if np.any(counts < 1):
+            continue
+        free = np.ones(counts, dtype=bool)
         near = edges[np.all((edges > low) & (edges < high), axis=1)]
-        steps = [
-            np.arange(math.ceil((a + reach) / 5.0) * 5.0, b - reach + 1e-6, 5.0) for a, b in zip(low, high, strict=True)
-        ]
-        middles = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
-        apart = np.abs(middles[:, None] - near[None]).max(axis=2).min(axis=1, initial=np.inf)
-        found.append(middles[apart > reach])
+        starts = np.maximum(np.ceil((near - reach) / _GRID_MM).astype(int) - first, 0)
+        ends = np.maximum(np.floor((near + reach) / _GRID_MM).astype(int) - first + 1, 0)
+        for (left, bottom), (right, top) in zip(starts.tolist(), ends.tolist(), strict=True):
+            free[left:right, bottom:top] = False
+        # Row by row from below, each from the left: of places that are as good the first is taken.
+        rows, columns = np.nonzero(free.T)
+        found.append(_GRID_MM * (first + np.column_stack((columns, rows))))
     return np.vstack(found)
 
 

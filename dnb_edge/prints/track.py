@@ -27,6 +27,7 @@ _BORDER_BGR = (70, 62, 58)
 _CROSS_MM = 8.0
 _MARK: dict[str, Any] = {"color": "#404040", "linewidth": 0.5}
 _SUPERSAMPLE = 4
+_STRIP_PX = 250
 
 
 def track_pages(ground: Ground, tiling: Tiling, paper: Paper) -> Iterator[Page]:
@@ -122,11 +123,19 @@ def twin_picture(ground: Ground) -> BgrImage:
     """The same floor from straight above, without markers: `TWIN_METRES_PER_PX` a px, shape (height, width, 3)."""
     px_per_mm = 0.001 / TWIN_METRES_PER_PX
     width, height = (round(length * px_per_mm) for length in ground.size_mm)
-    canvas = np.full((height * _SUPERSAMPLE, width * _SUPERSAMPLE, 3), 255, dtype=np.uint8)
+    # In strips: the whole of a hall, four times as fine, would fill a small board's memory.
+    strips = [_twin_strip(ground, top, min(_STRIP_PX, height - top), width) for top in range(0, height, _STRIP_PX)]
+    return np.vstack(strips)
+
+
+def _twin_strip(ground: Ground, top: int, rows: int, columns: int) -> BgrImage:
+    """The twin's picture from row `top` on, (rows, columns, 3)."""
+    px_per_mm = 0.001 / TWIN_METRES_PER_PX
+    canvas = np.full((rows * _SUPERSAMPLE, columns * _SUPERSAMPLE, 3), 255, dtype=np.uint8)
 
     def on_canvas(points: Points) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
         # A px's middle is its coordinate: twin px u lies at supersample * (u + 0.5) - 0.5 on the enlarged canvas.
-        twin = points * (px_per_mm, -px_per_mm) + (0.0, height)
+        twin = points * (px_per_mm, -px_per_mm) + (0.0, round(ground.size_mm[1] * px_per_mm) - top)
         return np.asarray(np.rint((twin + 0.5) * _SUPERSAMPLE - 0.5), dtype=np.int32)
 
     for edges, colour in ((ground.border_mm(), _BORDER_BGR), ((ground.left_mm, ground.right_mm), lane_bgr())):
@@ -134,8 +143,7 @@ def twin_picture(ground: Ground) -> BgrImage:
             cv2.fillConvexPoly(canvas, on_canvas(quad), colour)
     for flag in ground.flags_mm:
         cv2.fillConvexPoly(canvas, on_canvas(flag), _BORDER_BGR)
-    small = cv2.resize(canvas, (width, height), interpolation=cv2.INTER_AREA)
-    return np.asarray(small, dtype=np.uint8)
+    return np.asarray(cv2.resize(canvas, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _band(left: Points, right: Points, *, closed: bool, near: NDArray[np.bool_] | None = None) -> Path:

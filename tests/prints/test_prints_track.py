@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import islice
 
 import cv2
@@ -233,6 +234,20 @@ def test_sheets_cover_the_floor_once(width, height, paper, overlap):
             assert sight.bottom - box.bottom >= (0.0 if tile.row == plan.rows - 1 else overlap) - 1e-6
 
 
+def test_a_wide_lane_has_no_hole():
+    """A sheet that lies between a wide lane's middle and its edge is printed: its colour is missing otherwise."""
+    track = circuit_track(replace(table_oval(), lane_width_m=0.8))
+    ground = ground_of(track, size_m=None, family="4X4_50", marker_mm=100.0)
+    plan, _ = tilings(ground.size_mm, Paper.A4, overlap_mm=10.0)
+    used = plan.only(ground.needs)
+    middle, half = ground.middle_mm, 400.0
+    for tile in plan.tiles:
+        box = tile.in_sight
+        at = np.array([(box.left + box.right) / 2, (box.bottom + box.top) / 2])
+        if np.linalg.norm(middle - at, axis=1).min() < half - 20.0:
+            assert used.used(tile.column, tile.row), tile.name
+
+
 def test_markers_that_do_not_fit_are_refused():
     """Floor markers too large for what the lane leaves free are refused, with what to do."""
     circuit = demo_circuit()
@@ -274,13 +289,14 @@ def test_a_car_is_timed_on_the_printed_track(printed_oval):
 
 
 @pytest.mark.parametrize("circuit", [table_oval, demo_circuit, figure_eight], ids=["oval", "demo", "eight"])
-@pytest.mark.parametrize("paper", list(Paper))
+@pytest.mark.parametrize("paper", [*Paper, None], ids=lambda paper: paper or "poster")
 def test_each_floor_marker_lies_on_one_sheet_and_off_the_lane(circuit, paper):
     """No marker is cut by a sheet's edge or touches the lane's border with its white one, none overlap, and the sheet on which
     each lies is printed."""
     drawn = circuit()
     bare = ground_of(circuit_track(drawn), size_m=circuit_size_m(drawn), family="4X4_50", marker_mm=100.0)
-    plan = min(tilings(bare.size_mm, paper, overlap_mm=10.0), key=lambda one: len(one.only(bare.needs).tiles))
+    plans = (whole(bare.size_mm),) if paper is None else tilings(bare.size_mm, paper, overlap_mm=10.0)
+    plan = min(plans, key=lambda one: len(one.only(bare.needs).tiles))
     ground = with_markers(bare, plan, cells=6, numbers=(0, 1, 2, 3, 4, 5))
     reach = 100.0 * (0.5 + 1 / 6)
     lane = np.vstack((*ground.border_mm(), ground.middle_mm))
