@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from dnb_edge.capture.settings import changed_controls
 from dnb_edge.doctor.access import Access
 from dnb_edge.doctor.camera_facts import CameraLook, Exposure
-from dnb_edge.doctor.usb_facts import UsbLook
 from dnb_edge.doctor.verdict import Verdict, fail, ok, skip, warn
 from dnb_edge.values import CameraControl, LostFrames, StampSource
 
@@ -24,10 +23,6 @@ LOST_WARN, LOST_FAIL = 0.01, 0.2
 LATE_S = 0.25
 BLUR_WARN_M, BLUR_FAIL_M = 0.010, 0.040
 """How far a car may go while one picture is exposed, metres."""
-HIGH_SPEED_MBPS = 480.0
-USABLE_MBPS = 190.0
-"""What a USB 2 camera can be given: three packets of 1024 bytes in each 125 microseconds, less what goes round them."""
-BUS_WARN = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +154,6 @@ class Frames:
     """Whether pictures came."""
 
     fault: str | None
-    frames: int
     words: str
 
 
@@ -305,53 +299,3 @@ def _good_exposure_us(blur: Blur) -> float:
     """What keeps the smear at half of what is worth a warning, and within half a frame; V4L2 counts in 100 us."""
     wanted_us = 0.5e6 * BLUR_WARN_M / blur.speed_mps
     return max(100.0, 100.0 * round(min(wanted_us, 0.5e6 / blur.fps) / 100.0))
-
-
-def judge_usb_speed(usb: UsbLook | None) -> Verdict:
-    """Whether the camera's line is as fast as it can be."""
-    if usb is None:
-        return skip("the camera is not on USB")
-    found = f"{usb.product} at {usb.speed_mbps:g} Mbit/s"
-    if usb.speed_mbps >= HIGH_SPEED_MBPS:
-        return ok(found)
-    return fail(
-        f"{found}: too slow for pictures",
-        "Plug it into another port with another cable, without a hub, then look at `lsusb -t`.",
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bus:
-    """What a camera sends, and who shares its bus."""
-
-    usb: UsbLook | None
-    needed_mbps: float | None
-    """Mean of what its frames take, Mbit/s."""
-
-
-def judge_bus(bus: Bus) -> Verdict:
-    """Whether the bus has room for the pictures."""
-    usb = bus.usb
-    if usb is None:
-        return skip("the camera is not on USB")
-    room_mbps = USABLE_MBPS * usb.speed_mbps / HIGH_SPEED_MBPS
-    needed = "" if bus.needed_mbps is None else f"{bus.needed_mbps:.0f} of about {room_mbps:.0f} Mbit/s"
-    if bus.needed_mbps is not None and bus.needed_mbps > BUS_WARN * room_mbps:
-        return fail(
-            f"the pictures take {needed}",
-            "Set `capture.pixel_format: MJPG`, or a smaller capture.width_px and height_px.",
-        )
-    rivals = [other for other in usb.neighbours if "camera" in other.kinds or "disk" in other.kinds]
-    if rivals:
-        names = ", ".join(f"{other.product} ({', '.join(other.kinds)})" for other in rivals)
-        return warn(
-            f"shares its bus with {names}",
-            "Plug them into ports of another bus (a Pi's blue ones are apart from its black ones); "
-            "`lsusb -t` shows which is where.",
-        )
-    if usb.hubs:
-        return warn(
-            f"behind a hub ({', '.join(usb.hubs)})",
-            "Plug the camera into the machine itself; `lsusb -t` shows where it is.",
-        )
-    return ok(f"alone on its bus{', takes ' + needed if needed else ''}")

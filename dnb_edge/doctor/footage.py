@@ -40,7 +40,8 @@ class Footage:
     """Frames per second that the camera really makes, lost ones counted; None for fewer than three frames."""
     frames: int
     """How many came, and so many did not: `lost`."""
-    lost: tuple[LostFrames, ...]
+    lost: tuple[LostFrames, ...] | None
+    """None where nobody tells."""
     stamps: frozenset[StampSource]
     """What the frames' stamps stand for; empty where nobody tells."""
     delay_s: float | None

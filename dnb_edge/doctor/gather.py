@@ -7,7 +7,7 @@ be had. Knows no limit.
 from __future__ import annotations
 
 from dnb_edge.config.devices import CaptureConfig, RecordConfig
-from dnb_edge.doctor import camera_rules, disk_facts, disk_rules, picture_rules, service_facts, service_rules
+from dnb_edge.doctor import camera_rules, disk_facts, disk_rules, picture_rules, service_facts, service_rules, usb_rules
 from dnb_edge.doctor.access import Access
 from dnb_edge.doctor.box import Box
 from dnb_edge.doctor.camera_facts import CameraLook, NoCameraHere
@@ -73,11 +73,11 @@ def frames(box: Box) -> camera_rules.Frames:
     try:
         footage = box.footage
     except (CannotTell, DnbEdgeError) as error:
-        return camera_rules.Frames(fault=str(error), frames=0, words="")
+        return camera_rules.Frames(fault=str(error), words="")
     info = footage.info
     by = "of the running service" if footage.from_service else f"from {uri}"
     words = f"pictures of {info.width_px}x{info.height_px} {by}"
-    return camera_rules.Frames(fault=None, frames=footage.frames, words=words)
+    return camera_rules.Frames(fault=None, words=words)
 
 
 def rate(box: Box) -> camera_rules.Rate:
@@ -89,6 +89,8 @@ def rate(box: Box) -> camera_rules.Rate:
 def losses(box: Box) -> camera_rules.Losses:
     """Which frames are missing."""
     footage = box.footage
+    if footage.lost is None:
+        raise CannotTell("the running service counts frames in a race only")
     return camera_rules.Losses(frames=footage.frames, lost=footage.lost, live=footage.info.live)
 
 
@@ -125,7 +127,7 @@ def usb(box: Box) -> UsbLook | None:
     return box.camera.usb
 
 
-def bus(box: Box) -> camera_rules.Bus:
+def bus(box: Box) -> usb_rules.Bus:
     """What the camera sends, and who shares its bus."""
     found = usb(box)
     needed: float | None = None
@@ -133,13 +135,13 @@ def bus(box: Box) -> camera_rules.Bus:
         footage = box.footage
     except (CannotTell, DnbEdgeError):
         # The check of the pictures tells it; what shares the bus is known all the same.
-        return camera_rules.Bus(usb=found, needed_mbps=None)
+        return usb_rules.Bus(usb=found, needed_mbps=None)
     fps = footage.fps if footage.fps is not None else _capture(box).fps
     if footage.info.pixel_format == "YUYV":
         needed = camera_rules.raw_mbps(camera_wanted(box))
     elif footage.frame_bytes is not None:
         needed = 8e-6 * footage.frame_bytes * fps
-    return camera_rules.Bus(usb=found, needed_mbps=needed)
+    return usb_rules.Bus(usb=found, needed_mbps=needed)
 
 
 def sharpness(box: Box) -> picture_rules.Sharpness:

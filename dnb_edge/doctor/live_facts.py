@@ -15,7 +15,7 @@ from dnb_edge.doctor.footage import Footage, made_of
 from dnb_edge.doctor.verdict import CannotTell
 from dnb_edge.errors import TemporaryFault
 from dnb_edge.live.caller import Caller
-from dnb_edge.live.messages import Follow, Phase, Picture, State, Told, WatchPictures
+from dnb_edge.live.messages import Follow, Picture, State, Told, WatchPictures
 from dnb_edge.values import Clock, Frame, Health, SourceInfo, StampSource
 
 EVERY_S = 0.02
@@ -27,16 +27,10 @@ CONNECT_S = 2.0
 class Service:
     """A running service."""
 
-    version: str
     state: State
     health: Health | None
     """The latest; None where no race is on."""
     pictures: tuple[Picture, ...]
-
-    @property
-    def has_camera(self) -> bool:
-        """Whether it gives pictures, in a race or between two."""
-        return self.state.phase not in (Phase.STARTING, Phase.FAULT)
 
     def footage(self) -> Footage:
         """Its pictures and what it says of the camera. Raises `CannotTell` where it gives none."""
@@ -50,7 +44,7 @@ class Service:
         )  # fmt: skip
         frames = [_frame(picture) for picture in self.pictures]
         made = made_of(info, frames, [None] * len(frames), lost=())
-        told = replace(made, from_service=True, stamps=frozenset(), delay_s=None)
+        told = replace(made, from_service=True, lost=None, stamps=frozenset(), delay_s=None)
         if self.health is None:
             return told
         fps = made.fps if self.health.fps is None else self.health.fps
@@ -98,7 +92,7 @@ def _listen(caller: Caller, deadline_s: float) -> Service | None:
             health = wire.from_dict(Health, heard.event)
     if state is None:
         return None
-    return Service(version=caller.hello.version, state=state, health=health, pictures=tuple(pictures))
+    return Service(state=state, health=health, pictures=tuple(pictures))
 
 
 def _frame(picture: Picture) -> Frame:

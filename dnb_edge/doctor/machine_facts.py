@@ -14,7 +14,7 @@ from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 
-from dnb_edge.doctor.machine_rules import Load, Memory, PythonFound, Slowed, SystemFound, Ticking
+from dnb_edge.doctor.machine_rules import Heat, Load, Memory, PythonFound, Slowed, SystemFound, Ticking
 from dnb_edge.doctor.verdict import CannotTell
 from dnb_edge.machine.state import firmware_bits, read_machine
 
@@ -74,8 +74,14 @@ def watch_ticking(root: Path) -> Ticking:
             time.clock_getres(time.CLOCK_MONOTONIC), 1e-9 * min((step for step in steps if step > 0), default=1e9)
         ),
         backwards=sum(step < 0 for step in steps),
-        longest_step_s=1e-9 * max(steps),
     )
+
+
+def find_heat(root: Path) -> Heat:
+    """How hot the processor is."""
+    # Boards tell the kernel what is on them by a device tree, PCs have none.
+    is_board = (root / "sys/firmware/devicetree/base").is_dir()
+    return Heat(celsius=read_machine(root=root).temperature_c, is_board=is_board)
 
 
 def find_slowed(root: Path) -> Slowed:

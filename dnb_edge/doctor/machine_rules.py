@@ -12,6 +12,8 @@ from dnb_edge.machine.state import HOT_C
 
 LEAST_PYTHON = (3, 11)
 WARM_C = 70.0
+PC_WARM_C = 90.0
+"""Processors of PCs slow down at 95 to 105 degrees."""
 LITTLE_BYTES, TOO_LITTLE_BYTES = 600_000_000, 250_000_000
 """The race takes 200 MB and the pages 80."""
 OLD_ONNX, NEW_ONNX = (1, 23), (1, 28)
@@ -96,8 +98,6 @@ class Ticking:
     resolution_s: float
     backwards: int
     """How often it went back in the readings that were made."""
-    longest_step_s: float
-    """Between two readings in a row."""
 
 
 def judge_ticking(ticking: Ticking) -> Verdict:
@@ -116,8 +116,19 @@ def judge_ticking(ticking: Ticking) -> Verdict:
     return ok(words)
 
 
-def judge_temperature(celsius: float | None) -> Verdict:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heat:
+    """How hot the processor is."""
+
+    celsius: float | None
+    """None where the machine does not tell."""
+    is_board: bool
+    """Whether it is a board such as a Raspberry Pi, which slows down earlier than a PC."""
+
+
+def judge_temperature(heat: Heat) -> Verdict:
     """Whether the processor is cool enough."""
+    celsius = heat.celsius
     if celsius is None:
         return skip("this machine does not tell its temperature")
     found = f"{celsius:.0f} C"
@@ -125,6 +136,8 @@ def judge_temperature(celsius: float | None) -> Verdict:
         "Open the case or put a heat sink and a fan on the processor; `watch cat "
         "/sys/class/thermal/thermal_zone0/temp` follows it."
     )
+    if not heat.is_board:
+        return warn(f"{found}: it will slow itself down soon", fix) if celsius >= PC_WARM_C else ok(found)
     if celsius >= HOT_C:
         return fail(f"{found}: it slows itself down", fix)
     return warn(f"{found}: at {HOT_C:.0f} C it slows itself down", fix) if celsius >= WARM_C else ok(found)

@@ -74,8 +74,9 @@ def judge_flicker(beats: Sequence[Beat]) -> Verdict:
         return ok(f"no beat of lamps over {100 * FLICKER_WARN:g} %{unseen}")
     found = f"the brightness beats by {100 * share:.1f} % at {worst.beat_hz:.1f} Hz, as lamps on {worst.mains_hz} Hz make it"
     fix = (
-        f"Set `capture.power_line_hz: {worst.mains_hz}`, or an exposure of whole flickers "
-        f"(`capture.exposure_us: {10_000 if worst.mains_hz == 50 else 8_300}`), or use lamps that do not flicker."
+        f"Use lamps that do not flicker, or let the exposure be one whole flicker (`capture.exposure_us: "
+        f"{10_000 if worst.mains_hz == 50 else 8_300}`, in which fast cars smear), or, while the camera chooses it by itself, "
+        f"set `capture.power_line_hz: {worst.mains_hz}`."
     )
     return (fail if share >= FLICKER_FAIL else warn)(found, fix)
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from dnb_edge.assembly import (
     Assembly,
-    assemble,
     check_detector,
     check_display,
     check_source,
@@ -81,7 +80,7 @@ def find_calibration(box: Box) -> CalibrationFound:
     """The calibration, for the frames of this camera."""
     config = box.config
     try:
-        found = assemble(config, box.source_info)
+        found = box.assembly
     except InputError as error:
         return CalibrationFound(fault=str(error))
     method = "keypoints" if config.view.calibration is None else load_calibration(config.view.calibration).method.value
@@ -199,12 +198,12 @@ def picture_fault(box: Box) -> PictureFault | None:
 
 
 def find_place(box: Box) -> Place:
-    """Where the camera is, by the running race, else by comparing with the calibration's own picture."""
+    """Where the camera is, by the race that says it moved, else by comparing with the calibration's own picture."""
     service = box.service
     config = box.config
-    if service is not None and service.health is not None:
-        moved_m = service.health.view_moved_m
-        return Place(moved_m=moved_m, is_sure=True, limit_m=0.0)
+    if service is not None and service.health is not None and service.health.view_moved_m is not None:
+        # A race that says nothing need not have looked.
+        return Place(moved_m=service.health.view_moved_m, is_sure=True, limit_m=0.0)
     footage = box.footage
     reference = calibrated_picture(config.view, footage.info)
     if reference is None:

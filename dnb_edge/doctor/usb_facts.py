@@ -30,7 +30,7 @@ class UsbLook:
     speed_mbps: float
     """What the line was agreed at, Mbit/s: 1.5, 12, 480, 5000."""
     hubs: tuple[str, ...]
-    """Hubs between it and the machine, the nearest first; the machine's own root hub is none."""
+    """Hubs between it and the machine, the nearest first; those inside the machine are none."""
     neighbours: tuple[UsbNeighbour, ...]
     """Other devices on the same bus that take much of it."""
 
@@ -57,11 +57,12 @@ def usb_of(device_number: tuple[int, int], *, sys: Path) -> UsbLook | None:
 
 
 def _hubs(device: Path) -> tuple[str, ...]:
-    """The hubs above `device`; names of root hubs are `usb1`."""
-    found = []
+    """The hubs above `device` that somebody has plugged in; names of root hubs are `usb1`."""
+    found: list[str] = []
     for place in device.parents:
-        if not (place / "busnum").is_file() or place.name.startswith("usb"):
-            break
+        if place.name.startswith("usb") or not (place / "busnum").is_file():
+            # The only port of a root hub is no socket: a Raspberry Pi 4 has its four behind a hub of its own there.
+            return tuple(found[:-1] if _text(place / "maxchild") == "1" else found)
         found.append(_text(place / "product") or place.name)
     return tuple(found)
 

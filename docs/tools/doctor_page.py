@@ -53,7 +53,7 @@ _MEASURED = """
   does not hide it; the share is the beat's amplitude. Lamps on 60 Hz stand still in 30 frames a second: they make
   bands, and no beat.
 - **USB**: what the line was agreed at and what hangs on the same bus, from `/sys`. A USB 2 camera can be given about
-  190 Mbit/s.
+  190 Mbit/s. A hub inside the machine is none: a Raspberry Pi 4 has all its sockets behind one.
 - **Detector**: medians of decoding and detecting in a picture of this camera. Of a running race, what it says itself.
 - **Disk**: 8 MB written and synced, then twenty small writes, each synced, as for laps; less while a race runs.
 - **Room**: pictures at `record.image_fps` until their ring is full, besides 15 kB a second of detections and events.

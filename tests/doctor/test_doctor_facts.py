@@ -42,12 +42,12 @@ def test_whose_a_node_is(tmp_path: Path) -> None:
 USB = "sys/devices/pci0/usb1"
 
 
-def usb_tree(plant: Plant, *, speed: str = "480") -> Path:
-    """A camera and a microphone behind a hub, a disk and another bus with a second camera."""
+def usb_tree(plant: Plant, *, speed: str = "480", ports: str = "4") -> Path:
+    """A camera and a microphone behind a hub, a disk and another bus with a second camera; `ports` of the root hub."""
     camera = f"{USB}/1-1/1-1.3"
     root = plant(
         {
-            f"{USB}/busnum": "1", f"{USB}/bDeviceClass": "09", f"{USB}/product": "xHCI",
+            f"{USB}/busnum": "1", f"{USB}/bDeviceClass": "09", f"{USB}/product": "xHCI", f"{USB}/maxchild": ports,
             f"{USB}/1-1/busnum": "1", f"{USB}/1-1/bDeviceClass": "09", f"{USB}/1-1/product": "Acme hub",
             f"{camera}/busnum": "1", f"{camera}/speed": speed, f"{camera}/product": "Acme Webcam",
             f"{camera}/bDeviceClass": "ef", f"{camera}/1-1.3:1.0/bInterfaceClass": "0e",
@@ -70,6 +70,13 @@ def test_a_camera_on_usb(plant: Plant) -> None:
     assert found is not None
     assert (found.product, found.speed_mbps, found.hubs) == ("Acme Webcam", 480.0, ("Acme hub",))
     assert {(one.product, one.kinds) for one in found.neighbours} == {("Mic", ("sound",)), ("1-2", ("disk",))}
+
+
+def test_a_hub_inside_the_machine_is_none(plant: Plant) -> None:
+    """A Raspberry Pi 4 has all its sockets behind a hub on its root hub's only port: nobody can plug past that one."""
+    found = usb_of((81, 0), sys=usb_tree(plant, ports="1") / "sys")
+    assert found is not None
+    assert found.hubs == ()
 
 
 def test_a_camera_that_is_on_no_usb(plant: Plant) -> None:
@@ -375,3 +382,12 @@ def test_a_displays_port(line: tuple[int, str], plant: Plant) -> None:
         service_facts.try_display("spi:/dev/spidev0.1")
     assert service_facts.find_port(None, unit_groups=(), dev=dev).uri is None
     assert service_facts.find_port("oled:0", unit_groups=(), dev=dev).fault is not None
+
+
+def test_a_board_is_told_from_a_pc_by_its_device_tree(plant: Plant) -> None:
+    """A Raspberry Pi slows down at 80 degrees, a PC does not; on Debian's kernel the Pi's firmware tells nothing."""
+    zone = "sys/class/thermal/thermal_zone0"
+    root = plant({f"{zone}/type": "cpu-thermal", f"{zone}/temp": "81000"})
+    assert (machine_facts.find_heat(root).celsius, machine_facts.find_heat(root).is_board) == (81.0, False)
+    plant({"sys/firmware/devicetree/base/model": "Raspberry Pi 4 Model B"})
+    assert machine_facts.find_heat(root).is_board

@@ -1,5 +1,6 @@
 """What a running service tells the doctor, over a real live socket."""
 
+import itertools
 import os
 import tempfile
 import threading
@@ -30,27 +31,28 @@ HEALTH = Health(
 )  # fmt: skip
 
 
+def show_pictures(made: LiveServer, over: threading.Event, *, health: Health | None = None) -> None:
+    """Fifty pictures a second, each with `health` where that is given, until it is over."""
+    jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), 90, dtype=np.uint8))[1].tobytes()
+    for number in itertools.count(1):
+        if over.wait(0.02):
+            return
+        stamp_ns = number * 33_333_333
+        made.offer(
+            Frame(
+                sequence=number, t_ns=stamp_ns, stamp_source=StampSource.START_OF_FRAME, width_px=64, height_px=48, jpeg=jpeg
+            )
+        )  # fmt: skip
+        if health is not None:
+            made.tell(replace(health, t_ns=stamp_ns))
+
+
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[LiveServer]:
     """A daemon's end of the socket that races and has pictures until it is closed."""
     with LiveServer(tmp_path / "s", version="1") as made:
         over = threading.Event()
-
-        def race() -> None:
-            jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), 90, dtype=np.uint8))[1].tobytes()
-            number = 0
-            while not over.wait(0.02):
-                number += 1
-                stamp_ns = number * 33_333_333
-                made.offer(
-                    Frame(
-                        sequence=number, t_ns=stamp_ns, stamp_source=StampSource.START_OF_FRAME, width_px=64, height_px=48,
-                        jpeg=jpeg,
-                    )
-                )  # fmt: skip
-                made.tell(replace(HEALTH, t_ns=stamp_ns))
-
-        thread = threading.Thread(target=race)
+        thread = threading.Thread(target=show_pictures, args=(made, over), kwargs={"health": HEALTH})
         made.show(State(phase=Phase.RACING, source="v4l2:/dev/video0"))
         thread.start()
         yield made
@@ -91,6 +93,23 @@ def test_a_service_without_a_camera_says_why(tmp_path: Path) -> None:
         assert (answer.phase, answer.reason) == (Phase.FAULT, "/dev/video0: there is no such camera")
         with pytest.raises(CannotTell, match="there is no such camera"):
             _ = looked.footage
+
+
+def test_between_two_races_nobody_counts_frames(tmp_path: Path) -> None:
+    """Its pictures are then all that is known: that none of them is missing says nothing of the camera's."""
+    with LiveServer(tmp_path / "s", version="1") as server:
+        server.show(State(phase=Phase.SETUP, source="v4l2:/dev/video0"))
+        over = threading.Event()
+        thread = threading.Thread(target=show_pictures, args=(server, over))
+        thread.start()
+        try:
+            looked = box(tmp_path)
+            assert looked.footage.lost is None
+            with pytest.raises(CannotTell, match="in a race only"):
+                gather.losses(looked)
+        finally:
+            over.set()
+            thread.join()
 
 
 @contextmanager

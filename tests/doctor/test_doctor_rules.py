@@ -199,7 +199,7 @@ def test_disk(verdict: Verdict, status: str, said: str) -> None:
 
 PYTHON = machine_rules.PythonFound(version=(3, 11, 7), bits=64, onnxruntime="1.27.0")
 SYSTEM = machine_rules.SystemFound(name="Debian 12", kind="debian", version="12", machine="aarch64", kernel="6.1")
-TICKING = machine_rules.Ticking(source="tsc", resolution_s=1e-9, backwards=0, longest_step_s=1e-6)
+TICKING = machine_rules.Ticking(source="tsc", resolution_s=1e-9, backwards=0)
 MEMORY = machine_rules.Memory(available_bytes=700_000_000, total_bytes=10**9, race_runs=False)
 
 
@@ -221,10 +221,12 @@ MEMORY = machine_rules.Memory(available_bytes=700_000_000, total_bytes=10**9, ra
         (machine_rules.judge_ticking(replace(TICKING, backwards=1)), "fail", "went back"),
         (machine_rules.judge_ticking(replace(TICKING, resolution_s=0.004)), "fail", ""),
         (machine_rules.judge_ticking(replace(TICKING, source="jiffies")), "warn", "clocksource="),
-        (machine_rules.judge_temperature(None), "skip", ""),
-        (machine_rules.judge_temperature(69.9), "ok", "70 C"),
-        (machine_rules.judge_temperature(70.0), "warn", "fan"),
-        (machine_rules.judge_temperature(80.0), "fail", "fan"),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=None, is_board=True)), "skip", ""),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=69.9, is_board=True)), "ok", "70 C"),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=70.0, is_board=True)), "warn", "fan"),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=80.0, is_board=True)), "fail", "fan"),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=89.0, is_board=False)), "ok", "89 C"),
+        (machine_rules.judge_temperature(machine_rules.Heat(celsius=95.0, is_board=False)), "warn", "fan"),
         (machine_rules.judge_memory(MEMORY), "ok", "700 of 1000 MB"),
         (machine_rules.judge_memory(replace(MEMORY, available_bytes=500_000_000)), "warn", "ps aux"),
         (machine_rules.judge_memory(replace(MEMORY, available_bytes=500_000_000, race_runs=True)), "ok", ""),
