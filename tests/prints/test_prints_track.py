@@ -143,8 +143,10 @@ def test_floor_markers_lie_where_the_layout_says(printed_oval):
         assert at_mm == pytest.approx(1000 * np.array(point.at_m), abs=0.6)
 
 
-def calibrate(directory, ground, floor, said):
+@pytest.fixture(scope="module")
+def calibrated(printed_oval):
     """The camera of the table's place sees the glued sheets, and the printed command makes its calibration file."""
+    directory, ground, floor, _, said = printed_oval
     camera = place("table").camera
     to_floor = np.array(
         [
@@ -164,14 +166,13 @@ def calibrate(directory, ground, floor, said):
     at = words.index("--source")
     words[at : at + 2] = ["--picture", str(directory / "seen.png")]
     run(*(str(directory / word) if word.startswith("track.") else word for word in words))
-    return camera
+    return directory, camera
 
 
-def test_the_printed_command_calibrates_the_camera(printed_oval):
+def test_the_printed_command_calibrates_the_camera(calibrated):
     """A camera that sees the glued sheets is calibrated by the printed command, places every point of the lane within 5 mm, and
     the written configuration is right."""
-    directory, ground, floor, _, said = printed_oval
-    camera = calibrate(directory, ground, floor, said)
+    directory, camera = calibrated
     calibration = load_calibration(directory / "track.view.yaml")
     lane_m = load_track(directory / "track.yaml").centreline.points_m
     camera_px = camera.project(np.column_stack((lane_m, np.zeros(len(lane_m)))))
@@ -257,11 +258,10 @@ def test_markers_that_do_not_fit_are_refused():
         with_markers(ground, plan, cells=6, numbers=tuple(range(6)))
 
 
-def test_a_car_is_timed_on_the_printed_track(printed_oval):
+def test_a_car_is_timed_on_the_printed_track(calibrated):
     """With the written configuration and the view that the printed markers gave, a simulated drive on the same oval is timed as
     it truly was."""
-    directory, ground, floor, _, said = printed_oval
-    calibrate(directory, ground, floor, said)
+    directory, _ = calibrated
     rig = Rig(place=place("table"), laps=2, seed=3)
     clip = directory / "drive.mp4"
     size = (rig.camera.width_px, rig.camera.height_px)
