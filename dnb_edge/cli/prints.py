@@ -13,8 +13,8 @@ from dnb_edge.cli.prints_out import (
     OutOption,
     PaperOption,
     area_of,
+    marker_side,
     numbers_of,
-    positive,
     write_pages,
 )
 from dnb_edge.cli.prints_track import track
@@ -45,7 +45,7 @@ def markers(
     from dnb_edge.prints.roof import RoofSettings, roof_pages  # noqa: PLC0415 as above
 
     settings = RoofSettings(
-        family=dictionary, numbers=numbers_of(ids), size_mm=positive("--size-mm", size_mm), paper=parse_paper(paper)
+        family=dictionary, numbers=numbers_of(ids), size_mm=marker_side("--size-mm", size_mm), paper=parse_paper(paper)
     )
     written = write_pages(out, roof_pages(settings), title="Roof markers")
     listed = ", ".join(map(str, settings.numbers))
@@ -82,7 +82,7 @@ def floor(
     settings = FloorSettings(
         family=dictionary,
         numbers=tuple(range(first_id, first_id + count)),
-        size_mm=positive("--size-mm", size_mm),
+        size_mm=marker_side("--size-mm", size_mm),
         paper=parse_paper(paper),
     )
     places = placed(settings.numbers, area_m)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 CHECK = "Print at 100 % (not fitted to the page) and measure the bar: 100 mm."
 _MOST = 200
+_LEAST_MM = 10.0
+"""Side of the smallest marker that is printed."""
 
 OutOption = Annotated[Path, typer.Option(help="Write the sheets here: .pdf, or .svg (one file a sheet).")]
 PaperOption = Annotated[str, typer.Option(help="a4, a3 or letter.")]
@@ -64,10 +66,12 @@ def numbers_of(text: str) -> tuple[int, ...]:
     return tuple(found)
 
 
-def positive(option: str, value: float) -> float:
-    """The value. Raises `InputError` where it is not a positive number."""
+def marker_side(option: str, value: float) -> float:
+    """The side of a marker, mm. Raises `InputError` where it is no number, or so small that no camera reads it."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{option} {value:g}: must be a positive number")
+    if value < _LEAST_MM:
+        raise InputError(f"{option} {value:g}: no camera reads so small a marker: {_LEAST_MM:g} mm is the least")
     return value
 
 

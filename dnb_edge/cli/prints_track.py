@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import cv2
 import typer
 
-from dnb_edge.cli.prints_out import CHECK, Dictionary, OutOption, positive, write_pages
+from dnb_edge.cli.prints_out import CHECK, Dictionary, OutOption, marker_side, write_pages
 from dnb_edge.config.track_file import MadeOf, load_track, track_file
 from dnb_edge.errors import InputError
 from dnb_edge.report.files import write_whole
@@ -81,7 +81,8 @@ def track(
     if 0 < markers < 4:
         raise InputError(f"--markers {markers}: must be 0, or 4 and more: three are needed, and one may be covered")
     files = _Files(out=out, own=track_path)
-    ground, made = _ground(track_path, circuit, dictionary, positive("--marker-mm", marker_mm), filled=not outline)
+    files.check()
+    ground, made = _ground(track_path, circuit, dictionary, marker_side("--marker-mm", marker_mm), filled=not outline)
     poster = paper.lower() == _POSTER
     sheet = Paper.A4 if poster else parse_paper(paper)
     plans = (whole(ground.size_mm),) if poster else tilings(ground.size_mm, sheet, overlap_mm=overlap_mm)
@@ -107,8 +108,25 @@ class _Files:
     def track(self) -> Path:
         return self.out.with_suffix(".yaml") if self.own is None else self.own
 
+    @property
+    def twin(self) -> Path:
+        return self.beside("twin.png")
+
+    @property
+    def race(self) -> Path:
+        return self.beside("race.yaml")
+
     def beside(self, what: str) -> Path:
         return self.out.with_suffix(f".{what}")
+
+    def check(self) -> None:
+        """Raises `InputError` where a track of somebody else's making would be written over."""
+        if self.own is not None or not self.track.exists():
+            return
+        if not self.track.is_file() or f"picture: {json.dumps(self.twin.name)}" not in _text(self.track):
+            raise InputError(
+                f"--out {self.out}: {self.track} is there, a track that was not made here, and would be lost: name another file"
+            )
 
 
 def _ground(own: Path | None, circuit: BuiltIn, family: str, marker_mm: float, *, filled: bool) -> tuple[Ground, Track]:
@@ -141,13 +159,13 @@ def _write_files(files: _Files, ground: Ground, made: Track) -> None:
     from dnb_edge.prints.track import twin_picture  # noqa: PLC0415 slow
 
     if files.own is None:
-        twin = files.beside("twin.png")
+        twin = files.twin
         encoded, png = cv2.imencode(".png", twin_picture(ground))
         assert encoded, "OpenCV encodes any 8-bit picture as PNG"
         write_whole(twin, png.tobytes())
         write_whole(files.track, track_file(made, MadeOf(picture=twin.name, sha256=sha256(png.tobytes()).hexdigest())))
         typer.echo(f"{files.track}: the track, {made.centreline.length_m:.3f} m a lap; its twin: {twin}")
-    race, view = files.beside("race.yaml"), files.beside("view.yaml")
+    race, view = files.race, files.beside("view.yaml")
     steps = [f"dnb-edge run --config {race.name}"]
     if ground.markers:
         layout = files.beside("layout.yaml")
@@ -155,12 +173,27 @@ def _write_files(files: _Files, ground: Ground, made: Track) -> None:
         says = (f"Places of the floor markers that are printed on the sheets of {files.out.name}.", steps[0])
         write_whole(layout, layout_text(ground.markers, ground.scale, sigma_mm=_GLUED_MM, says=says).encode())
         typer.echo(f"{layout}: where the {len(ground.markers)} printed floor markers lie on it")
-    write_whole(race, _race(files, view.name, steps).encode())
-    typer.echo(
-        f"{race}: a configuration for it. With the track glued and under the camera, in {race.parent.resolve()}:"
-    )
+    told, made_now = "a configuration for it", _race(files, view.name, steps)
+    if race.exists() and _bare(_text(race)) != _bare(made_now):
+        told = "left as it is, since somebody has changed it"
+    else:
+        write_whole(race, made_now.encode())
+    typer.echo(f"{race}: {told}. With the track glued and under the camera, in {race.parent.resolve()}:")
     for step in steps:
         typer.echo(f"  {step}")
+
+
+def _text(path: Path) -> str:
+    """Raises `InputError` where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}): name another file with --out") from error
+
+
+def _bare(text: str) -> list[str]:
+    """The lines that are no comments."""
+    return [line for line in text.splitlines() if not line.startswith("#")]
 
 
 def _calibrate(ground: Ground, layout: str, view: str) -> str:

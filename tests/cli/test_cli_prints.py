@@ -39,6 +39,8 @@ def test_a_board_is_printed_with_what_to_type(tmp_path):
         (("markers", "--ids", "0-999"), "200 at most"),
         (("markers", "--size-mm", "190"), "--size-mm 190: with its white border"),
         (("markers", "--size-mm", "nan"), "--size-mm nan: must be a positive number"),
+        (("markers", "--size-mm", "3"), "--size-mm 3: no camera reads so small a marker: 10 mm is the least"),
+        (("track", "--marker-mm", "3"), "--marker-mm 3: no camera reads so small a marker"),
         (("markers", "--paper", "a5"), "--paper a5: must be one of a4, a3, letter"),
         (("markers", "--out", "markers.png"), "the name must end in .pdf or .svg"),
         (("markers", "--out", "nowhere/markers.pdf"), "there is no directory nowhere"),
@@ -66,3 +68,22 @@ def test_what_cannot_be_printed_is_one_line_and_2(words, said, tmp_path):
     assert ran.code == 2
     assert said in ran.complaint()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_of_the_users_own_is_written_over(tmp_path):
+    """A track of another making keeps its file; a configuration that was changed by hand stays; sheets are made anew."""
+    words = ("print", "track", "--paper", "poster", "--markers", 0)
+    assert edge(*words, cwd=tmp_path).code == 0
+    race = tmp_path / "track.race.yaml"
+    mine = race.read_text().replace("my car", "the red one")
+    race.write_text(mine)
+    ran = edge(*words, cwd=tmp_path)
+    assert (ran.code, race.read_text()) == (0, mine)
+    assert "left as it is" in ran.out
+    (tmp_path / "track.yaml").write_text("format: dnb-edge track\nname: mine\n")
+    (tmp_path / "track.pdf").unlink()
+    ran = edge(*words, cwd=tmp_path)
+    assert ran.code == 2
+    assert "track.yaml is there, a track that was not made here" in ran.complaint()
+    assert not (tmp_path / "track.pdf").exists()
+    assert (tmp_path / "track.yaml").read_text().endswith("mine\n")

@@ -70,7 +70,7 @@ def test_svg_sheets_have_the_papers_size_and_a_bar_of_100_mm(kind):
         assert (100.0, 4.0) in spans
 
 
-@pytest.mark.parametrize("kind", ["roof", "floor", "charuco:3x4:30mm:22mm"])
+@pytest.mark.parametrize("kind", ["roof", "floor", "charuco:4x4:30mm:22mm"])
 def test_the_same_sheets_are_the_same_files(kind):
     """No date and no chance gets into PDF or SVG."""
     assert pdf_of(sheets(kind, Paper.A4), title="a") == pdf_of(sheets(kind, Paper.A4), title="a")
