@@ -222,13 +222,17 @@ class Machine:
     def running(self, unit: str) -> Path | None:
         """The program of a unit that is up, by its link; None where it is down."""
         pid = self.root / "run/state/pids" / unit
-        if not pid.exists():
-            return None
-        try:
-            words = Path(f"/proc/{pid.read_text().strip()}/cmdline").read_bytes().split(b"\0")
-        except FileNotFoundError:
-            return None
-        return Path(os.fsdecode(words[1])) if len(words) > 1 else None
+        deadline_s = time.monotonic() + 30.0
+        while pid.exists() and time.monotonic() < deadline_s:
+            try:
+                words = Path(f"/proc/{pid.read_text().strip()}/cmdline").read_bytes().split(b"\0")
+            except FileNotFoundError:
+                return None
+            # Until then it is the service manager's own fork.
+            if len(words) > 1 and words[1].endswith(b"/dnb-edge"):
+                return Path(os.fsdecode(words[1]))
+            time.sleep(0.05)
+        return None
 
     def tree(self) -> dict[str, object]:
         """All files but logs, locks and what the service manager keeps, with what tells that they have changed."""
