@@ -84,7 +84,8 @@ end() { if alive "$1"; then kill "$(cat "$state/pids/$1")"; fi; rm -f "$state/pi
 begin() {
     local word=run
     if [ "$1" = dnb-edge-web ]; then word=web; fi
-    "$DNB_EDGE_ROOT/opt/dnb-edge/venv/bin/dnb-edge" $word </dev/null >/dev/null 2>&1 9>&- &
+    # As a service manager does: what the installer ignores on its way, a service does not.
+    env --default-signal "$DNB_EDGE_ROOT/opt/dnb-edge/venv/bin/dnb-edge" $word </dev/null >/dev/null 2>&1 9>&- &
     echo $! >"$state/pids/$1"
     sleep 0.3
     alive "$1"
