@@ -5,6 +5,7 @@ Knows the floor's drawing and how it is shared out; knows no file and no printer
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -78,7 +79,7 @@ def map_page(ground: Ground, tiling: Tiling, paper: Paper) -> Page:
         x, y = (scale * ground.to_mm(np.array([one.at_m]))[0] + shift).tolist()
         below = y - scale * ground.marker_mm * 0.5 - 2.2
         write(axes, (x, below), f"marker {one.number}", size=6, ha="center", va="center", color=GREY)
-    _steps(axes, shift[1] - 10.0)
+    _steps(axes, ground, shift[1] - 10.0)
     draw_bar(axes, MARGIN_MM, 12.0)
     write(axes, (MARGIN_MM + BAR_MM + 3.0, 12.6), "100 mm", size=8)
     return Page(name="map", figure=figure)
@@ -240,14 +241,28 @@ def _foot(axes: Axes, ground: Ground, tiling: Tiling, tile: Tile, number: int) -
     assert FOOT_MM > 10.0, "the words and the bar fit below the drawing"
 
 
-def _steps(axes: Axes, top: float) -> None:
-    lines = (
+def _steps(axes: Axes, ground: Ground, top: float) -> None:
+    lines = [
         "1  Print at 100 %, not fitted to the page. The bar on each sheet must measure 100 mm; 99 mm is a track 1 % too small.",
         "2  Cut each sheet along its dashed lines, on the left and above. Leave the other two sides as they are.",
         "3  Glue the sheets of a row from left to right, then the rows from top to bottom: each cut edge goes onto the thin",
         "    crosses of the sheet before, so that cross lies on cross. Begin with the first sheet; work on a flat floor.",
-        "4  Check with a tape: the diagonals between the corner markers must be equal. Then glue or tape it to the table.",
-        "5  The camera finds the markers: dnb-edge calibrate markers --layout ... (all of it is in the file beside this one).",
-    )
+        f"4  {_checked(ground)}Glue or tape it to the table.",
+    ]
+    if ground.markers:
+        lines.append(
+            "5  The camera finds the markers: dnb-edge calibrate markers --layout ... (the file beside this one has all of it)."
+        )
     for k, line in enumerate(lines):
         write(axes, (MARGIN_MM, top - 5.4 * k), line, size=8.2)
+
+
+def _checked(ground: Ground) -> str:
+    """What to measure across the glued sheets: two ways between markers, as far from one another as markers are."""
+    if len(ground.markers) < 4:
+        return ""
+    ways = (
+        f"{one.number} to {other.number} is {math.dist(one.at_m, other.at_m):.3f} m"
+        for one, other in zip(ground.markers[:2], ground.markers[2:4], strict=True)
+    )
+    return f"Measure the markers from middle to middle: {', '.join(ways)}. "

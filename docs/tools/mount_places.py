@@ -131,7 +131,7 @@ def _table(ground: Ground) -> list[str]:
 def _best(ground: Ground, camera: KnownCamera, plan: MountPlan | None) -> str:
     if plan is None:
         needed = height_needed_m(ground, camera)
-        said = "does not see all of it" if needed is None else f"sees all of it from {needed:.1f} m up"
+        said = "does not see all of it" if needed is None else f"sees track and margin from {needed:.1f} m up"
         return f"{said} | | |"
     return (
         f"{_stand(plan)} | {_worst(plan)} | {plan.worst.car_px:.0f} px | {1414.2 * plan.worst.crossing_sigma_s:.1f} ms"

@@ -20,7 +20,7 @@ def test_the_best_place_sees_the_whole_track(ground, name):
     if plan is None:
         needed = mount_places.height_needed_m(ground, camera)
         assert needed is not None
-        assert f"sees all of it from {needed:.1f} m up" in TEXT
+        assert f"sees track and margin from {needed:.1f} m up" in TEXT
         return
     assert plan.coverage.share == pytest.approx(1.0)
     assert plan.camera.stand.height_m <= ground.highest_m + 1e-9

@@ -23,7 +23,7 @@ from dnb_edge.errors import InputError
 from dnb_edge.prints.ground import circuit_size_m, circuit_track, ground_of, with_markers
 from dnb_edge.prints.paper import PAPER_MM, Paper, pdf_of, svgs_of
 from dnb_edge.prints.tiles import FOOT_MM, MARGIN_MM, tilings, whole
-from dnb_edge.prints.track import track_pages
+from dnb_edge.prints.track import map_page, track_pages
 from dnb_edge.sim.circuit import demo_circuit
 from dnb_edge.sim.places import figure_eight, place, table_oval
 from dnb_edge.sim.rig import Rig
@@ -247,6 +247,18 @@ def test_a_wide_lane_has_no_hole():
         at = np.array([(box.left + box.right) / 2, (box.bottom + box.top) / 2])
         if np.linalg.norm(middle - at, axis=1).min() < half - 20.0:
             assert used.used(tile.column, tile.row), tile.name
+
+
+def test_the_map_names_what_to_measure():
+    """Its fourth step has the true distances across the floor between two pairs of markers; without markers it has none."""
+    _, ground, plan = oval(Paper.A4)
+    for floor in (ground, replace(ground, markers=())):
+        said = " ".join(text.get_text() for text in map_page(floor, plan, Paper.A4).figure.axes[0].texts)
+        told = [(int(a), int(b), float(m)) for a, b, m in re.findall(r"(\d+) to (\d+) is (\d\.\d+) m", said)]
+        at = {one.number: np.array(one.at_m) for one in floor.markers}
+        assert [(a, b) for a, b, _ in told] == ([(40, 42), (41, 43)] if floor.markers else [])
+        assert [m for *_, m in told] == pytest.approx([np.linalg.norm(at[a] - at[b]) for a, b, _ in told], abs=0.001)
+        assert ("calibrate markers" in said) == bool(floor.markers)
 
 
 def test_markers_that_do_not_fit_are_refused():
