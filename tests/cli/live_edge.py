@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from dnb_edge.cli.main import main
-from dnb_edge.daemon import appliance
+from dnb_edge.daemon import appliance, rooms
 from dnb_edge.errors import InputError
 from dnb_edge.sim.rig import Rig, floor_to_camera_px
 from dnb_edge.values import (
@@ -110,7 +110,7 @@ def play(argv: list[str]) -> None:
         return LiveCamera(wanted)
 
     appliance.make_source = make_source
-    appliance.make_detector = lambda *_: TruthDetector(int(uri.removeprefix("live:")))
+    rooms.make_detector = lambda *_: TruthDetector(int(uri.removeprefix("live:")))
 
 
 if __name__ == "__main__":
