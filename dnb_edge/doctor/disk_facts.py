@@ -6,6 +6,7 @@ Knows files, mounts and our recordings' names. What it writes to measure is a fi
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -138,4 +139,4 @@ def _nearest(directory: Path) -> Path:
 
 def _plain(field: str) -> str:
     """A field of a table of mounts, which writes spaces as \\040."""
-    return field.encode("latin-1", "replace").decode("unicode_escape") if "\\" in field else field
+    return re.sub(r"\\([0-7]{3})", lambda found: chr(int(found[1], 8)), field)

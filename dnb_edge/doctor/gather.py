@@ -7,6 +7,7 @@ be had. Knows no limit.
 from __future__ import annotations
 
 from dnb_edge.config.devices import CaptureConfig, RecordConfig
+from dnb_edge.config.web import WebConfig
 from dnb_edge.doctor import camera_rules, disk_facts, disk_rules, picture_rules, service_facts, service_rules, usb_rules
 from dnb_edge.doctor.access import Access
 from dnb_edge.doctor.box import Box
@@ -264,7 +265,7 @@ def web(box: Box) -> service_rules.Reached:
         installed = box.units[WEB_UNIT].is_installed
     except CannotTell:
         installed = False
-    return service_facts.reach_web(8080 if config is None else config.web.port, is_installed=installed)
+    return service_facts.reach_web((WebConfig() if config is None else config.web).port, is_installed=installed)
 
 
 def display_port(box: Box) -> service_rules.Port:

@@ -221,7 +221,7 @@ def test_writing_is_measured_and_leaves_nothing(tmp_path: Path) -> None:
 MOUNTS = """\
 /dev/sda1 / ext4 rw,relatime 0 0
 tmpfs /run tmpfs rw,nosuid 0 0
-/dev/sdb1 {base}/a\\040stick vfat rw 0 0
+/dev/sdb1 {base}/a\\040♥\\040stick vfat rw 0 0
 /dev/sdc1 {base}/ro ext4 ro,relatime 0 0
 overlay {base}/ro/over overlay rw 0 0
 """
@@ -233,7 +233,7 @@ def test_the_deepest_mount_counts(tmp_path: Path) -> None:
     table.write_text(MOUNTS.format(base=tmp_path))
     for name, kind, read_only in [
         ("runs", "ext4", False),
-        ("a stick/runs", "vfat", False),
+        ("a ♥ stick/runs", "vfat", False),
         ("ro/x", "ext4", True),
         ("ro/over", "overlay", False),
     ]:
