@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import cv2
 import numpy as np
@@ -150,3 +152,16 @@ def test_nobody_there_is_no_service(tmp_path: Path) -> None:
     assert ask_service(tmp_path / "s", seconds=0.5) is None
     assert gather.answer(box(tmp_path)).phase is None
     assert time.monotonic() - began_s < 30.0
+
+
+@pytest.mark.parametrize("moved_m", [0.012, None])
+def test_a_race_that_says_nothing_need_not_have_looked(moved_m: float | None) -> None:
+    """That the camera has moved is believed; that nothing is said is no proof that it stands where it was."""
+    service = SimpleNamespace(health=replace(HEALTH, view_moved_m=moved_m))
+    view = SimpleNamespace(calibration=None, keypoints=None)
+    known = SimpleNamespace(service=service, config=SimpleNamespace(view=view), footage=SimpleNamespace(info=None))
+    if moved_m is None:
+        with pytest.raises(CannotTell, match="kept no picture"):
+            setup_facts.find_place(cast("Box", known))
+    else:
+        assert setup_facts.find_place(cast("Box", known)).moved_m == moved_m
