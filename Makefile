@@ -76,6 +76,7 @@ docs: .venv/.docs-installed ## The documentation as a site in build/site, to be 
 docs-pages: .venv/.docs-installed ## Write the pages that are made from code (config.md, commands.md, troubleshooting.md) and the guides' drawings
 	@$(BIN)/python docs/tools/write_pages.py
 	@$(BIN)/python docs/tools/guides_pictures.py
+	@$(BIN)/python docs/tools/kit_pictures.py
 	@$(BIN)/python docs/tools/display_pictures.py
 
 docs-links: .venv/.docs-installed ## Try the documentation's links to other sites (needs a network)

@@ -2,7 +2,8 @@
 
 /** A time with what it is worth: 6.535 s ± 1 ms. */
 export function time(lap) {
-  const sigma = Math.max(1, Math.ceil(lap.sigma_s * 1000));
+  // As the board rounds it.
+  const sigma = Math.max(1, Math.round(lap.sigma_s * 1000));
   return `${lap.time_s.toFixed(3)} s ± ${sigma} ms`;
 }
 
