@@ -10,9 +10,9 @@ import tty
 import board_checks
 import micropython
 import pytest
-from board_pictures import pictures_of
 from display_events import race
 from micropython import HERE
+from panel_pictures import pictures_of
 
 from dnb_edge.display import flash
 from dnb_edge.display.serial_port import SerialDisplay
