@@ -11,8 +11,8 @@ import board_checks
 import micropython
 import pytest
 from display_events import race
+from lit_pictures import pictures_of
 from micropython import HERE
-from panel_pictures import pictures_of
 
 from dnb_edge.display import flash
 from dnb_edge.display.serial_port import SerialDisplay

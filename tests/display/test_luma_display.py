@@ -8,7 +8,7 @@ import pytest
 from board_checks import as_letters, as_rows, noisy, turned_about
 from chip_models import ChipWire, matrix_rows, max7219_digits
 from display_events import race
-from panel_pictures import pictures_of
+from lit_pictures import pictures_of
 from pty_line import wait_until
 
 from dnb_edge.display import luma_device
