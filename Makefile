@@ -26,7 +26,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train hardware hardware-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
+.PHONY: help demo test lint format train hardware hardware-check docs-check install-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-14s %s\n", $$1, $$2 }'
@@ -35,9 +35,17 @@ demo: .venv/.demo-installed ## A simulated race: live board, recording and repor
 	$(call say,dnb-edge demo)
 	@$(BIN)/dnb-edge demo $(DEMO_FLAGS)
 
-test: lint ## All checks: lint, then the tests on two cores (three at once: some wait for a clock)
+test: lint ## Lint, then the product's tests on two cores (three at once: some wait for a clock); see the other checks below
 	$(call say,pytest)
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 3 $(PYTEST_FLAGS)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 3 --ignore=tests/docs --ignore=tests/install $(PYTEST_FLAGS)
+
+docs-check: .venv/.test-installed ## The documentation: its site, links, pictures, made pages, and its examples run
+	$(call say,pytest tests/docs)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 $(PYTEST_FLAGS) tests/docs
+
+install-check: .venv/.test-installed ## install.sh in folders that stand for machines: upgrades, faults, the way back
+	$(call say,pytest tests/install)
+	@$(BIN)/pytest -q -n 2 $(PYTEST_FLAGS) tests/install
 
 lint: .venv/.test-installed ## Style, format, types and the direction of imports
 	$(call say,ruff check)
@@ -65,7 +73,7 @@ hardware-check: .venv/.hardware-installed ## Whether all parts can be printed an
 	$(call say,python -m hardware check)
 	@$(BIN)/python -m hardware check
 	$(call say,pytest tests/hardware)
-	@$(BIN)/pytest -q -n 0 tests/hardware
+	@$(BIN)/pytest -q -n 2 tests/hardware
 
 docs: .venv/.docs-installed ## The documentation as a site in build/site, to be read without a network; every inside link is checked
 	$(call say,sphinx-build)
