@@ -71,7 +71,9 @@ class Pipe:
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
-        self._sending = threading.Lock()
+        # Held from taking a request until its answer is sent: once the kernel was told that a request was taken back too late,
+        # it hangs up on an answer that comes after that.
+        self._sending = threading.RLock()
         self._waiting: deque[tuple[int, int]] = deque()
         self._changed = threading.Condition()
         self.closed = False
@@ -84,11 +86,12 @@ class Pipe:
 
     def send(self, data: bytes) -> bool:
         """Answers the oldest request; False where there is none any more."""
-        with self._changed:
-            if self.closed or not self._waiting:
-                return False
-            number, _ = self._waiting.popleft()
-        return self.answer(number, 0, data)
+        with self._sending:
+            with self._changed:
+                if self.closed or not self._waiting:
+                    return False
+                number, _ = self._waiting.popleft()
+            return self.answer(number, 0, data)
 
     def answer(self, number: int, status: int, data: bytes = b"", *, length: int | None = None) -> bool:
         """Tells the host that request `number` is done; `length` where no data goes back."""
@@ -104,11 +107,12 @@ class Pipe:
 
     def take_back(self, number: int, unlinked: int) -> None:
         """The host does not want the answer to `unlinked` any more, and is told whether that came in time."""
-        with self._changed:
-            before = len(self._waiting)
-            self._waiting = deque(item for item in self._waiting if item[0] != unlinked)
-            found = len(self._waiting) < before
-        self._send(struct.pack(">5Ii24x", _UNLINKED, number, 0, 0, 0, _UNLINKED_STATUS if found else 0))
+        with self._sending:
+            with self._changed:
+                before = len(self._waiting)
+                self._waiting = deque(item for item in self._waiting if item[0] != unlinked)
+                found = len(self._waiting) < before
+            self._send(struct.pack(">5Ii24x", _UNLINKED, number, 0, 0, 0, _UNLINKED_STATUS if found else 0))
 
     def close(self) -> None:
         """Nothing is asked or answered any more."""
