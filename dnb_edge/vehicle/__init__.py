@@ -1,0 +1,1 @@
+"""What real cars tell of themselves, and what they are told: a process of its own between a network and the live socket."""
