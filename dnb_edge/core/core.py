@@ -5,6 +5,7 @@ Knows the order of things within a frame. See `dnb_edge.core` for what the core 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from dnb_edge.core.field import Field
@@ -16,7 +17,14 @@ from dnb_edge.motion.target import Followed
 from dnb_edge.race.fix import Fix, FrameStamps
 from dnb_edge.race.seats import Seats
 from dnb_edge.race.standings import CarResult
-from dnb_edge.values import Event, FrameDetections, PointM, SearchWindow, TargetState
+from dnb_edge.values import Event, FrameDetections, PointM, PointPx, SearchWindow, TargetState
+from dnb_edge.view.ground import GroundMap
+
+HANDOVER_S = 0.15
+"""For so long a car may be unseen by each of several cameras before it counts as unseen: four frames at 30 a second."""
+
+EDGE_SHARE = 0.02
+"""So far beyond the picture's edge, as a share of its width, part of a car there is still in it."""
 
 
 class Core:
@@ -25,14 +33,18 @@ class Core:
     def __init__(self, setup: CoreSetup, *, tell_running: bool = True) -> None:
         """`tell_running`: whether running laps are told while they run; it changes nothing else."""
         self._setup = setup
-        self._follower = Follower(setup.motion, setup.track.centreline)
-        self._sight = Sight(setup.ground, setup.track.centreline, margin_m=setup.birth_margin_m)
+        views, route = setup.views, setup.track.centreline
+        # Of several cameras not each sees a car that is there.
+        self._follower = Follower(setup.motion, route, unseen_s=HANDOVER_S if len(views) > 1 else 0.0)
+        self._sights = [
+            Sight(view.ground, route, margin_m=setup.birth_margin_m, camera=number) for number, view in enumerate(views)
+        ]
         self._seats = Seats(setup.motion.cars, setup.cars)
         self._views = ViewLog(setup.track.centreline, camera_gap_s=setup.camera_gap_s)
         self._field = Field(setup, self._views, tell_running=tell_running)
         self._first_t_ns: int | None = None
         self._last_t_ns: int | None = None
-        self._stamps = FrameStamps(row_s=setup.row_s, height_px=setup.ground.height_px)
+        self._stamps = [FrameStamps(row_s=view.row_s, height_px=view.ground.height_px) for view in views]
         self._told: set[int] = set()
 
     @property
@@ -41,21 +53,24 @@ class Core:
         return self._field.finished
 
     def step(self, found: FrameDetections) -> list[Event]:
-        """Takes one frame's detections. Raises `ValueError` where its stamp is not later than the one before."""
+        """Takes one frame's detections. Raises `ValueError` where its stamp is not later than that of the one before, of
+        whichever camera, or where there is no such camera."""
         if self._last_t_ns is not None and found.t_ns <= self._last_t_ns:
             raise ValueError(f"frame {found.sequence}: stamp {found.t_ns} ns is not later than {self._last_t_ns} ns")
+        if not 0 <= found.camera < len(self._sights):
+            raise ValueError(f"frame {found.sequence}: of camera {found.camera}, and there are {len(self._sights)}")
         if self._first_t_ns is None:
             self._first_t_ns = found.t_ns
         self._last_t_ns = found.t_ns
-        self._views.frame(found.t_ns, found.view_moved_m)
+        self._views.frame(found.t_ns, found.view_moved_m, found.camera)
         t_s = (found.t_ns - self._first_t_ns) * 1e-9
         sightings = [
             sighting
             for detection in found.detections
-            if (sighting := self._sight.sighting(detection, found.t_ns, t_s)) is not None
+            if (sighting := self._sights[found.camera].sighting(detection, found.t_ns, t_s)) is not None
         ]
-        if found.stamp_source is not self._stamps.source:
-            self._stamps = replace(self._stamps, source=found.stamp_source)
+        if found.stamp_source is not self._stamps[found.camera].source:
+            self._stamps[found.camera] = replace(self._stamps[found.camera], source=found.stamp_source)
         events: list[Event] = []
         fixes: dict[int, list[Fix]] = {}
         waiting = set()
@@ -117,22 +132,32 @@ class Core:
         """What each car has done so far; a judge's standings are made of it."""
         return self._field.results()
 
-    def windows(self, t_ns: int) -> tuple[SearchWindow, ...]:
-        """Where the cars are expected in the frame stamped `t_ns`, one window each; none while no car is known."""
+    def windows(self, t_ns: int, camera: int = 0) -> tuple[SearchWindow, ...]:
+        """Where the cars are expected in that camera's frame stamped `t_ns`, one window each; none while no car is known.
+
+        Of several cameras each is told of the cars that its picture shows, in its own pixels.
+        """
         if self._last_t_ns is None or t_ns < self._last_t_ns:
             return ()
+        ground = self._setup.views[camera].ground
         windows = []
         for expected in self._follower.expected(t_ns):
-            camera_px = self._setup.ground.point_to_camera_px(expected.track_m)
+            camera_px, length_px = ground.point_to_camera_px(expected.track_m), expected.length_px
+            if camera_px is not None and self._setup.further:
+                if not _is_in_picture(ground, camera_px):
+                    continue
+                xu, xv, yu, yv = ground.slopes(camera_px)
+                length_px = expected.length_m / math.sqrt(abs(xu * yv - xv * yu))
             if camera_px is not None:
-                windows.append(
-                    SearchWindow(
-                        target_id=expected.target_id,
-                        camera_px=camera_px,
-                        length_px=expected.length_px,
-                    )
-                )
+                windows.append(SearchWindow(target_id=expected.target_id, camera_px=camera_px, length_px=length_px))
         return tuple(windows)
+
+    def is_awaited(self, t_ns: int, camera: int) -> bool:
+        """Whether that camera's frame stamped `t_ns` need be searched: not where all cars are followed in other pictures."""
+        if not self._setup.further or self.windows(t_ns, camera):
+            return True
+        live = [target for target in self._follower.followed if target.state is TargetState.CONFIRMED]
+        return len(live) < self._setup.motion.cars
 
     def parked(self) -> tuple[PointM, ...]:
         """Places, track m, where something that looks like a car has stood for a while and never moved."""
@@ -149,6 +174,13 @@ class Core:
             f"something like a car stands at ({x:.2f}, {y:.2f}) m and has not moved: it counts once it drives"
             for x, y in self.parked()
         )
+
+
+def _is_in_picture(ground: GroundMap, camera_px: PointPx) -> bool:
+    """Whether a point lies in the picture, or so near to it that part of a car there is seen."""
+    margin_px = EDGE_SHARE * ground.width_px
+    u, v = camera_px
+    return -margin_px <= u <= ground.width_px + margin_px and -margin_px <= v <= ground.height_px + margin_px
 
 
 def _is_held(target: Followed) -> bool:

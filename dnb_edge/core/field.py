@@ -23,6 +23,7 @@ from dnb_edge.race.start import Grid, StartProcedure
 from dnb_edge.score.live import LiveLap
 from dnb_edge.score.profile import lap_trace
 from dnb_edge.score.similarity import score_lap
+from dnb_edge.track.line import DirectedLine
 from dnb_edge.values import Crossing, Event, Incident, IncidentKind, Lap, RacePhase, Score, Standings
 from dnb_edge.view.across_line import across_sigma_m
 
@@ -51,12 +52,8 @@ class Field:
 
     def _entrant(self, seat: int, *, tell_running: bool) -> Entrant:
         setup = self._setup
-        track, covariance = setup.track, setup.map_covariance
-        sigma_m = (
-            {}
-            if covariance is None
-            else {line.name: across_sigma_m(setup.ground, covariance, line) for line in track.lines}
-        )
+        track = setup.track
+        sigma_m = {line.name: _map_sigma_m(setup, line) for line in track.lines}
         score = setup.score if setup.not_scored_because is None else None
         described = seat < len(setup.cars)
         return Entrant(
@@ -207,3 +204,11 @@ class Field:
                 final=final,
             )
         ]
+
+
+def _map_sigma_m(setup: CoreSetup, line: DirectedLine) -> float:
+    """One sigma of the map's place across `line`: of the camera that knows least of those that see it; 0 where none says."""
+    return max(
+        across_sigma_m(view.ground, view.map_covariance, line) if view.map_covariance is not None else 0.0
+        for view in setup.views
+    )

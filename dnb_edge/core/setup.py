@@ -22,12 +22,26 @@ _BEFORE = {"regain_s": 0.0}
 
 _OLDER: dict[str, Any] = {
     "start": {}, "format": {}, "penalties": {}, "rules": "practice", "rules_version": "1", "cars": [],
-    "map_covariance": None, "row_s": 0.0,
+    "map_covariance": None, "row_s": 0.0, "further": [],
 }  # fmt: skip
 """Members that recordings from before them lack."""
 
+_OF_OBSTACLES = (("race", "obstacles"), ("race", "collision_m"), ("penalties", "collision"))
+"""Rules that say nothing where no obstacle stands: section and key."""
+
 CAMERA_GAP_S = 1.0
 """A camera that sends nothing for so long was away, or nobody took its frames; the slowest source has a frame a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraView:
+    """What the core knows of one camera over the track."""
+
+    ground: GroundMap
+    map_covariance: Covariance9 | None = None
+    """Covariance of the map's homography, as in `Calibration`, for frames of `ground`'s size; None where it is not known."""
+    row_s: float = 0.0
+    """Time from one row of the picture to the next (rolling shutter), seconds; 0 where all are seen at once or nobody knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,17 +75,31 @@ class CoreSetup:
     camera_gap_s: float | None = CAMERA_GAP_S
     """The longest time between two frames after which a lap is not marked, seconds; None: laps are never marked for it."""
 
+    further: tuple[CameraView, ...] = ()
+    """The cameras after the first, which `ground`, `map_covariance` and `row_s` are of; all maps lead to one track plane."""
+
+    @property
+    def views(self) -> tuple[CameraView, ...]:
+        """Every camera's, by its number."""
+        first = CameraView(ground=self.ground, map_covariance=self.map_covariance, row_s=self.row_s)
+        return (first, *self.further)
+
     @property
     def rules_digest(self) -> str:
         """Stands for all rules in force, whatever their set is called; results under another digest are not comparable."""
-        sections = {
+        settings = {
             "race": self.laps,
             "start": self.start,
             "format": self.format,
             "penalties": self.penalties,
             "score": self.score,
         }
-        return rules_digest({name: wire.to_dict(section) for name, section in sections.items()})
+        sections = {name: wire.to_dict(section) for name, section in settings.items()}
+        if not self.laps.obstacles:
+            # Nothing can be hit, so its price is none of the rules: those of older recordings have the digest that they had.
+            for section, key in _OF_OBSTACLES:
+                del sections[section][key]
+        return rules_digest(sections)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON types; `from_dict` gives back an equal setup, bit for bit."""
@@ -93,6 +121,7 @@ class CoreSetup:
             "map_covariance": self.map_covariance,
             "row_s": self.row_s,
             "camera_gap_s": self.camera_gap_s,
+            "further": [wire.to_dict(view) for view in self.further],
         }
 
     @classmethod
@@ -119,6 +148,7 @@ class CoreSetup:
                 row_s=wire.member(float, data, "row_s"),
                 # Laps of recordings from before this setting existed were not marked.
                 camera_gap_s=data.get("camera_gap_s"),
+                further=wire.member(tuple[CameraView, ...], data, "further"),
             )
         except KeyError as error:
             raise ValueError(f"the setup has no member {error}") from error

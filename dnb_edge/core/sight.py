@@ -16,9 +16,11 @@ from dnb_edge.view.ground import GroundMap, Slopes
 class Sight:
     """Turns detections into sightings."""
 
-    def __init__(self, ground: GroundMap, route: Centreline, *, margin_m: float) -> None:
-        """`margin_m` is how far beyond the lane's edge an observation still counts as on the lane."""
+    def __init__(self, ground: GroundMap, route: Centreline, *, margin_m: float, camera: int = 0) -> None:
+        """`margin_m` is how far beyond the lane's edge an observation still counts as on the lane; `camera` is the number of
+        the camera whose map `ground` is."""
         self._ground = ground
+        self._camera = camera
         self._route = route
         self._margin_m = margin_m
 
@@ -48,6 +50,7 @@ class Sight:
             ),
             confidence=detection.confidence,
             length_px=detection.length_px,
+            camera=self._camera,
         )
         return Sighting(
             observation=observation,

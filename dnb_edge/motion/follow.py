@@ -55,14 +55,17 @@ class Expected:
     target_id: int
     track_m: PointM
     length_px: float
+    length_m: float
 
 
 class Follower:
     """Follows targets from frame to frame. Deterministic: the same sightings give the same targets."""
 
-    def __init__(self, settings: MotionSettings, route: Centreline | None = None) -> None:
-        """With a `route`, a lost car is awaited further along it."""
+    def __init__(self, settings: MotionSettings, route: Centreline | None = None, *, unseen_s: float = 0.0) -> None:
+        """With a `route`, a lost car is awaited further along it. `unseen_s`: time for which a car may be missing in frames
+        without being out of sight, as where cameras share the track; 0 where every frame shows all of it."""
         self._settings = settings
+        self._unseen_s = unseen_s
         self._route = route
         self._followed: list[Followed] = []
         self._missing: list[Followed] = []
@@ -99,7 +102,7 @@ class Follower:
         newcomers = [
             self._born(sighting)
             for j, sighting in enumerate(sightings)
-            if j not in taken and sighting.on_lane and not _covered(sighting.observation, after)
+            if j not in taken and sighting.on_lane and not self._is_covered(sighting.observation, after)
         ]
         settled = self._settle(after + newcomers, t_ns)
         self._followed = [target for target in settled if target.state is not TargetState.LOST]
@@ -124,6 +127,7 @@ class Follower:
                 target_id=target.target_id,
                 track_m=self._expected_m(target, t_ns),
                 length_px=target.length_px,
+                length_m=target.length_m,
             )
             for target in (*cars, *awaited, *maybe)[:MOST_CARS]
         )
@@ -202,13 +206,21 @@ class Follower:
                 after[i] = target
         return after, own, {*owners.values(), *sharing}
 
+    def _is_covered(self, observation: Observation, targets: Sequence[Followed]) -> bool:
+        """Whether it is a second detection of a car that is followed, in this picture or in another camera's."""
+        return _covered(observation, targets) or any(
+            _seen_by_another(target, observation, self._unseen_s)
+            for target in targets
+            if target.state is not TargetState.TENTATIVE
+        )
+
     def _born(self, sighting: Sighting) -> Followed:
         self._next_id += 1
         return born(self._next_id - 1, sighting, self._settings)
 
     def _settle(self, targets: Sequence[Followed], t_ns: int) -> list[Followed]:
         """Ages every target, takes newcomers for missing cars, and confirms those that have earned it, most travelled first."""
-        settled = [aged(target, t_ns, self._settings) for target in targets]
+        settled = [aged(target, t_ns, self._settings, self._unseen_s) for target in targets]
         lost = [
             replace(target, doubt=None, pending=())
             for target, before in zip(settled, targets, strict=True)
@@ -241,6 +253,8 @@ class Follower:
     def _confirmed(self, newcomer: Followed, cars: Sequence[Followed]) -> Followed:
         """The newcomer as the car that it is, confirmed; itself where that is too early to say."""
         if any(_ghost(car, car.last, newcomer.last) for car in cars if car.last.t_ns == newcomer.last.t_ns):
+            return newcomer
+        if any(_seen_by_another(car, newcomer.last, self._unseen_s) for car in cars):
             return newcomer
         number = newcomer.looks.marker_id if newcomer.looks.reads > 0 else None
         if any(car.looks.agrees(number) for car in cars):
@@ -359,3 +373,12 @@ def _covered(observation: Observation, targets: Sequence[Followed]) -> bool:
 def _ghost(car: Followed, at: Observation, observation: Observation) -> bool:
     """Whether `observation` is a second detection of the car that was seen `at` the same stamp."""
     return math.dist(at.camera_px, observation.camera_px) < GHOST_LENGTHS * car.length_px
+
+
+def _seen_by_another(car: Followed, observation: Observation, within_s: float) -> bool:
+    """Whether another camera has just seen the car where that is observed: two maps never agree to the last millimetre."""
+    return (
+        car.last.camera != observation.camera
+        and 0 <= (observation.t_ns - car.last.t_ns) * 1e-9 <= within_s
+        and math.dist(car.estimate.track_m, observation.track_m) < car.length_m
+    )

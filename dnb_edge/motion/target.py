@@ -180,13 +180,13 @@ def _observed(
     )
 
 
-def aged(target: Followed, t_ns: int, settings: MotionSettings) -> Followed:
-    """The target in its state at `t_ns`."""
-    state = _state_at(target, t_ns, settings)
+def aged(target: Followed, t_ns: int, settings: MotionSettings, unseen_s: float = 0.0) -> Followed:
+    """The target in its state at `t_ns`; up to `unseen_s` it may be missing without being out of sight."""
+    state = _state_at(target, t_ns, settings, unseen_s)
     return target if state is target.state else changed(target, state=state)
 
 
-def _state_at(target: Followed, t_ns: int, settings: MotionSettings) -> TargetState:
+def _state_at(target: Followed, t_ns: int, settings: MotionSettings, in_sight_s: float) -> TargetState:
     """The target's state, from how long it has been unseen or beside the lane."""
     unseen_s = (t_ns - target.last.t_ns) * 1e-9
     if (t_ns - target.on_lane_t_ns) * 1e-9 > settings.strayed_lost_after_s:
@@ -195,7 +195,7 @@ def _state_at(target: Followed, t_ns: int, settings: MotionSettings) -> TargetSt
         return TargetState.LOST if unseen_s > settings.tentative_lost_after_s else TargetState.TENTATIVE
     if unseen_s > settings.coasting_lost_after_s:
         return TargetState.LOST
-    return TargetState.COASTING if unseen_s > 0 else TargetState.CONFIRMED
+    return TargetState.COASTING if unseen_s > in_sight_s else TargetState.CONFIRMED
 
 
 def renamed(target: Followed, target_id: int, looks: Appearance) -> Followed:

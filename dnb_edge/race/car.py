@@ -81,21 +81,23 @@ class CarRace:
         target_id: int,
         t_ns: int,
         track_m: PointM,
-        stamps: FrameStamps = PLAIN_STAMPS,
+        stamps: Sequence[FrameStamps] = (PLAIN_STAMPS,),
     ) -> list[Fix]:
-        """The fixes of new observations, oldest first; `track_m` is the filter's estimate at `t_ns`, `stamps` what the frames'
-        stamps mean.
+        """The fixes of new observations, oldest first; `track_m` is the filter's estimate at `t_ns`, `stamps` what the stamps
+        of each camera's frames mean.
 
-        Of an earlier frame there is no estimate any more: what was seen then is taken as observed.
+        Of an earlier frame there is no estimate any more: what was seen then is taken as observed. What one camera's rows
+        show of an earlier moment than the fix before, which is another's, is left out: fixes are in the order of what is seen.
         """
         return [
             self.progress.fix(
                 observation,
                 target_id=target_id,
                 track_m=track_m if observation.t_ns == t_ns else observation.track_m,
-                stamps=stamps,
+                stamps=stamps[observation.camera],
             )
             for observation in observations
+            if len(stamps) == 1 or self.progress.is_next(observation, stamps[observation.camera])
         ]
 
     def frame(self, t_ns: int, fixes: Sequence[Fix], *, more_may_come: bool) -> list[Passed]:

@@ -111,6 +111,12 @@ class Progress:
         """Stamp of the latest fix; before the first one, earlier than any stamp."""
         return BEFORE_ALL_NS if self._last is None else self._last.t_ns
 
+    def is_next(self, observation: Observation, stamps: FrameStamps) -> bool:
+        """Whether the observation shows a later moment than the latest fix."""
+        if self._last is None:
+            return True
+        return observation.t_ns + stamps.read_after_ns(observation.camera_px[1]) > self._last.seen_t_ns
+
     def fix(
         self, observation: Observation, *, target_id: int, track_m: PointM, stamps: FrameStamps = PLAIN_STAMPS
     ) -> Fix:

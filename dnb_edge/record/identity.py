@@ -51,7 +51,9 @@ def identity_of(setup: CoreSetup) -> Identity:
     track = setup.track.to_dict()
     return Identity(
         track=_digest({name: track[name] for name in ("centreline", "start_line", "sector_lines", "finish_line")}),
-        calibration=_digest(setup.ground.to_dict()),
+        calibration=_digest(
+            [view.ground.to_dict() for view in setup.views] if setup.further else setup.ground.to_dict()
+        ),
         rules=setup.rules_digest,
     )
 

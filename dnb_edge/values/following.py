@@ -25,6 +25,8 @@ class Observation:
     """Apparent length of the car, camera px."""
     target_id: int | None = None
     """The target that it was taken for; None before that is known."""
+    camera: int = 0
+    """The camera whose picture `camera_px` is in, counted from 0."""
 
 
 class TargetState(StrEnum):

@@ -159,6 +159,8 @@ class FrameDetections:
     displacement over the track, metres; None where it is not known to have moved."""
     stamp_source: StampSource | None = None
     """The moment that `t_ns` stands for; None in recordings from before detections told it."""
+    camera: int = 0
+    """Which camera's frame it is, counted from 0; all cameras' stamps are of one clock."""
 
 
 def path_points(points: Sequence[PointM]) -> Points:
