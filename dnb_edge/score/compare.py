@@ -151,14 +151,21 @@ def compare(estimates: Sequence[Estimate | None]) -> Comparison:
         p = welch_p(one, other)
         assert p is not None, "both have an interval"
         raw[i, j] = p
-    adjusted = holm(raw)
+    return compared(raw, tested, candidates=len(estimates), untested=_without_interval(estimates))
+
+
+def compared(
+    p_values: Mapping[Pair, float], tested: Sequence[int], *, candidates: int, untested: frozenset[int] = frozenset()
+) -> Comparison:
+    """What the uncorrected p values of all pairs of `tested` come to; of `untested` nothing can be said."""
+    adjusted = holm(p_values)
     groups = letter_groups(tested, {pair for pair, p in adjusted.items() if differs(p)})
     return Comparison(
         p=adjusted,
-        untested=frozenset(i for i, one in enumerate(estimates) if one is not None and one.error is None),
+        untested=untested,
         letters=tuple(
             "".join(_letter(k) for k, group in enumerate(groups) if i in group) if i in tested else None
-            for i in range(len(estimates))
+            for i in range(candidates)
         ),
         groups=tuple(groups),
     )
@@ -175,6 +182,10 @@ def letter_groups(candidates: Sequence[int], different: Iterable[Pair]) -> list[
         groups = (groups - both) | {group - {one} for group in both for one in (i, j)}
         groups = {group for group in groups if not any(group < other for other in groups)}
     return sorted(groups, key=sorted)
+
+
+def _without_interval(estimates: Sequence[Estimate | None]) -> frozenset[int]:
+    return frozenset(i for i, one in enumerate(estimates) if one is not None and one.error is None)
 
 
 def _letter(number: int) -> str:
