@@ -77,12 +77,16 @@ def to_settings(settings: type[Settings], model: BaseModel) -> Settings:
     """The dataclass `settings` from the model that `section` made of it. Raises its `ValueError`s."""
     kinds = typing.get_type_hints(settings)
     values = {name: getattr(model, name) for name in type(model).model_fields}
-    return settings(
-        **{
-            name: to_settings(kinds[name], value) if isinstance(value, BaseModel) else value
-            for name, value in values.items()
-        }
-    )
+    return settings(**{name: _plain(kinds[name], value) for name, value in values.items()})
+
+
+def _plain(kind: Any, value: Any) -> Any:
+    """A setting of the type `kind`, whose dataclasses are models in `value`."""
+    if isinstance(value, BaseModel):
+        return to_settings(kind, value)
+    if isinstance(value, tuple) and typing.get_args(kind)[1:] == (...,):
+        return tuple(_plain(typing.get_args(kind)[0], item) for item in value)
+    return value
 
 
 _nested = cache(section)
@@ -103,6 +107,10 @@ def _strict(kind: Any) -> Any:
     """`kind` without pydantic's leniency for numbers: text is no number and `true` is not one."""
     if isinstance(kind, types.UnionType):
         return typing.Union[tuple(_strict(part) for part in kind.__args__)]  # noqa: UP007
+    if typing.get_origin(kind) is tuple:
+        return types.GenericAlias(
+            tuple, tuple(part if part is ... else _strict(part) for part in typing.get_args(kind))
+        )
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return _nested(kind)
     return Annotated[kind, Strict()] if kind in (int, float, bool) else kind

@@ -70,33 +70,42 @@ class Overhang:
         self._part = rules.off_lane
         self._lane = lane
         self._size_m = rules.car_length_m or 0.0, rules.car_width_m or 0.0
-        self._since: tuple[PointM, float] | None = None
-        self._turned = 0.0
+        self._turned = None if lane is None else Turned(lane)
 
     def outside_m(self, fix: Fix) -> float:
         """Takes the next fix; metres beyond the edge, negative inside."""
-        if self._part is Footprint.CENTRE or self._lane is None:
+        if self._part is Footprint.CENTRE or self._lane is None or self._turned is None:
             return fix.outside_m
-        self._turn(fix, self._lane)
-        corners = self._lane.corners_outside_m(fix.s_m, fix.d_m, self._turned, self._size_m)
+        corners = self._lane.corners_outside_m(fix.s_m, fix.d_m, self._turned.feed(fix), self._size_m)
         return max(corners) if self._part is Footprint.ANY_WHEEL else min(corners)
 
-    def _turn(self, fix: Fix, lane: Lane) -> None:
-        """Takes the car's angle to the route from its way; until it has gone some, it is along the route or as it was."""
-        angle = lane.angle_at(fix.s_m)
+
+class Turned:
+    """The car's angle to the route, positive to the left, from its way; until it has gone some, it is along the route or as it
+    was."""
+
+    def __init__(self, lane: Lane) -> None:
+        self._lane = lane
+        self._since: tuple[PointM, float] | None = None
+        self._turned = 0.0
+
+    def feed(self, fix: Fix) -> float:
+        """Takes the next fix; the angle there."""
+        angle = self._lane.angle_at(fix.s_m)
         if self._since is None:
             self._since = fix.track_m, angle
-            return
+            return self._turned
         (x0, y0), before = self._since
         x, y = fix.track_m[0] - x0, fix.track_m[1] - y0
         if math.hypot(x, y) < HEADING_M:
-            return
+            return self._turned
         self._since = fix.track_m, angle
         # A chord lies along the route's direction half way between its ends.
         middle = before + _turn(angle - before) / 2
         turned = _turn(math.atan2(y, x) - middle)
         # A rectangle that drives backwards covers the same ground.
         self._turned = turned if abs(turned) <= math.pi / 2 else _turn(turned + math.pi)
+        return self._turned
 
 
 class OffTrack:

@@ -56,7 +56,7 @@ class Course:
     """Whether laps end at a line of their own."""
     sectors: SectorPlan = field(default_factory=SectorPlan)
     lane: Lane | None = None
-    """Needed where the car's footprint counts."""
+    """Needed where the car's footprint counts, or what it may hit."""
 
     @classmethod
     def of(cls, track: Track, rules: LapRules) -> Self:
@@ -68,7 +68,7 @@ class Course:
             loop_m=track.centreline.length_m if track.centreline.closed else None,
             has_finish_line=track.finish_line is not None,
             sectors=SectorPlan.of(track),
-            lane=None if rules.off_lane is Footprint.CENTRE else Lane(track.centreline),
+            lane=Lane(track.centreline) if rules.obstacles or rules.off_lane is not Footprint.CENTRE else None,
         )
 
 

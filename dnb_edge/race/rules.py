@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from dnb_edge.values import IncidentKind
+from dnb_edge.values import IncidentKind, PointM
 
 MOST_S = 1e6
 """No time in the rules is longer, seconds (eleven days): what is longer is a slip, and nanoseconds of it overflow."""
@@ -49,6 +49,21 @@ class Footprint(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Obstacle:
+    """A round thing that stands on or beside the lane and must not be hit."""
+
+    at_m: PointM
+    """Its centre [x, y] on the track plane, metres from the twin's lower left corner."""
+    radius_m: float
+    """Its radius at the height of the car, metres."""
+
+    def __post_init__(self) -> None:
+        if not all(abs(part) <= MOST_M for part in self.at_m):
+            raise ValueError(f"at_m: {list(self.at_m)} is further away than {MOST_M:g}")
+        _check("", self, ("radius_m",), most=MOST_M, positive=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LapRules:
     """What makes a lap, and what counts as an incident."""
 
@@ -80,6 +95,10 @@ class LapRules:
     """A car that stands for so long has stalled, seconds."""
     lifted_m: float = 0.4
     """A car that comes back after a gap so far from where it can have driven was lifted, metres."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """What stands on or beside the lane and must not be hit; needs the car's size."""
+    collision_m: float = 0.01
+    """A car whose footprint comes nearer than this to an obstacle hits it, metres: so well is its place known, about."""
 
     def __post_init__(self) -> None:
         if self.laps is not None and self.laps < 1:
@@ -88,6 +107,7 @@ class LapRules:
             raise ValueError(f"race.min_progress: {self.min_progress} must lie between 0 and 1")
         _check("race", self, ("max_gap_s", "stalled_s", "max_lap_s"), most=MOST_S, positive=True)
         _check("race", self, ("min_lap_s", "off_lane_s"), most=MOST_S)
+        _check("race", self, ("collision_m",), most=MOST_M)
         lengths = ("car_length_m", "car_width_m", "wrong_way_m", "short_cut_m", "lifted_m")
         _check("race", self, lengths, most=MOST_M, positive=True)
         _check("race", self, ("laps",), most=MOST)
@@ -97,6 +117,8 @@ class LapRules:
             raise ValueError(f"race.max_lap_s: {self.max_lap_s} must be more than min_lap_s, {self.min_lap_s}")
         if self.off_lane is not Footprint.CENTRE and (self.car_length_m is None or self.car_width_m is None):
             raise ValueError(f"race.off_lane: {self.off_lane.value} needs car_length_m and car_width_m")
+        if self.obstacles and (self.car_length_m is None or self.car_width_m is None):
+            raise ValueError("race.obstacles: whether the car hits one needs car_length_m and car_width_m")
 
 
 class StartMode(StrEnum):
@@ -221,6 +243,8 @@ class PenaltyRules:
     """A lap that took longer than `race.max_lap_s`."""
     missed_line: Effect = Effect(invalid=True)
     """A sector line, or the start line, that was not crossed in its turn."""
+    collision: Effect = Effect(invalid=True)
+    """Nearer than `race.collision_m` to one of `race.obstacles`."""
 
     def of(self, kind: IncidentKind) -> Effect:
         """What an incident of `kind` costs."""

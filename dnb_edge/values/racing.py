@@ -95,6 +95,8 @@ class IncidentKind(StrEnum):
     """Its lap took longer than the rules allow."""
     MISSED_LINE = "missed_line"
     """A line was not crossed, or not in its turn."""
+    COLLISION = "collision"
+    """It hit a thing that stands on the track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

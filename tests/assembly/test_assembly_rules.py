@@ -11,7 +11,8 @@ from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.config.rules import load_rule_set
 from dnb_edge.core import CoreSetup
-from dnb_edge.race.rules import CarSetup, Effect, FormatRules, Ranking, StartMode
+from dnb_edge.errors import InputError
+from dnb_edge.race.rules import CarSetup, Effect, FormatRules, Obstacle, Ranking, StartMode
 from dnb_edge.sim.rig import Rig
 from dnb_edge.values import Clock, SourceInfo
 
@@ -55,3 +56,45 @@ def test_a_rule_sets_file_is_one_of_the_runs_inputs(demo: Path, tmp_path: Path) 
     (tmp_path / "ours.yaml").write_text(load_rule_set("paper").text)
     config = load_config(demo, [f"rules={tmp_path}/ours.yaml"])
     assert "ours.yaml" in make_header(config, assemble(config, INFO), INFO).setup["sha256"]
+
+
+def test_obstacles_reach_the_core_and_the_recording(demo: Path) -> None:
+    """Written as a list of places, each a value of its own."""
+    obstacles = "race.obstacles=[{at_m: [1.5, 0.3], radius_m: 0.05}, {at_m: [2, 1.7], radius_m: 0.1}]"
+    size = ["race.car_length_m=0.235", "race.car_width_m=0.165"]
+    setup = assemble(load_config(demo, [obstacles, *size, "penalties.collision.seconds=3"]), INFO).setup
+    assert setup.laps.obstacles == (
+        Obstacle(at_m=(1.5, 0.3), radius_m=0.05),
+        Obstacle(at_m=(2.0, 1.7), radius_m=0.1),
+    )
+    assert setup.penalties.collision == Effect(seconds=3.0, invalid=True)
+    again = CoreSetup.from_dict(setup.to_dict())
+    assert (again, again.rules_digest) == (setup, setup.rules_digest)
+
+
+def test_rules_without_obstacles_have_the_digest_that_they_had_before_there_were_any(demo: Path) -> None:
+    """What older recordings were driven under stays comparable; with an obstacle its price and its distance count."""
+    assert assemble(load_config(demo, []), INFO).setup.rules_digest == "b5582eb4ad72"
+    assert assemble(load_config(demo, ["rules=carla"]), INFO).setup.rules_digest == "4b778a7dfe03"
+    there = ["race.obstacles=[{at_m: [1, 1], radius_m: 0.1}]", "race.car_length_m=0.2", "race.car_width_m=0.1"]
+    digests = {
+        assemble(load_config(demo, [*there, *more]), INFO).setup.rules_digest
+        for more in ([], ["penalties.collision.seconds=3"], ["race.collision_m=0.02"])
+    }
+    assert len(digests) == 3
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("race.obstacles=[{at_m: [1, 1], radius_m: 0}]", r"race\.obstacles.*radius_m.*positive"),
+        ("race.obstacles=[{at_m: [1], radius_m: 0.1}]", r"race\.obstacles\.0\.at_m"),
+        ("race.obstacles=[{at_m: [1, 1], radius: 0.1}]", r"race\.obstacles\.0\.radius"),
+        ("race.obstacles=[{at_m: [1, 1], radius_m: 0.1}]", r"race\.obstacles: .*car_length_m"),
+    ],
+)
+def test_a_wrong_obstacle_is_refused_in_one_line(demo: Path, override: str, told: str) -> None:
+    """With the key that is wrong."""
+    with pytest.raises(InputError, match=told) as error:
+        load_config(demo, [override])
+    assert "\n" not in str(error.value)

@@ -5,7 +5,7 @@ import { inShort, standing, totals, words } from "./judge_words.js";
 import { toast } from "./ui.js";
 
 const AUTHOR = "dnb-edge.judge";
-const KINDS = ["off_track", "wrong_way", "short_cut", "stalled", "lost", "lifted", "jump_start", "too_slow", "missed_line"];
+const KINDS = ["off_track", "wrong_way", "short_cut", "stalled", "lost", "lifted", "jump_start", "too_slow", "missed_line", "collision"];
 const TITLES = {
   add: () => ["Add a lap", "A lap that the race missed, by two passes or by seconds. Its similarity comes from what was seen of the car."],
   remove: (wish) => [`Remove lap ${wish.lap}`, "A lap that was none. It stays listed, with the reason."],
