@@ -32,6 +32,7 @@ EVENT_NAMES: dict[type, str] = {
     values.RaceState: "race",
     values.Standings: "standings",
     values.Health: "health",
+    values.VehicleReport: "vehicle",
     values.RunSummary: "run",
 }
 """The `event` member of each kind of event's JSON object."""

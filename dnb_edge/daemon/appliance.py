@@ -165,6 +165,7 @@ def _prepared(
         drift=rooms.drift,
         machine=None if machine is None else lambda: machine.state,
         on_ready=keeper(rooms, options.last_good),
+        vehicles=None if live is None else live.vehicles,
     )
     return _Prepared(
         race=race,

@@ -117,6 +117,7 @@ class Conductor:
             self._server,
             stop=orders,
             notices=self._notices,
+            vehicles=orders.vehicles,
             goes_on=lambda: not orders.quits and (self._stays or orders.waits),
             on_begin=self._begun,
             # What this process has raced itself it has ended itself.

@@ -13,6 +13,7 @@ from dnb_edge.daemon.live_sink import LiveSink
 from dnb_edge.daemon.loop import Stop
 from dnb_edge.daemon.notices import Notices
 from dnb_edge.daemon.scenery import make_scenery
+from dnb_edge.daemon.vehicle import VehicleInbox
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
 from dnb_edge.live.messages import Phase, State
@@ -33,6 +34,7 @@ class LiveRun:
         goes_on: Callable[[], bool],
         on_begin: Callable[[], None],
         resumes: bool,
+        vehicles: VehicleInbox | None = None,
     ) -> None:
         """`stop` ends the run once it is set; `goes_on` tells, at its end, whether the process lives on; `resumes`: whether it
         may go on with a run that was cut short."""
@@ -42,6 +44,8 @@ class LiveRun:
         self.stop = stop
         self.resumes = resumes
         self.notices = notices
+        self.vehicles = VehicleInbox() if vehicles is None else vehicles
+        """What vehicles say, for the race."""
         self.sink = LiveSink(server)
         self.board = BoardState()
         """What displays showed last."""
@@ -52,6 +56,7 @@ class LiveRun:
 
     def races(self, setup: CoreSetup, info: SourceInfo, recording: Path | None) -> None:
         """The run begins; events from here on are its own."""
+        self.vehicles.clear()
         self._server.begin_run()
         self._server.show(
             State(
@@ -61,6 +66,7 @@ class LiveRun:
                 track=setup.track.name,
                 laps_wanted=setup.laps.laps,
                 scenery=make_scenery(setup),
+                start=setup.start.mode.value,
             )
         )
         self._on_begin()

@@ -6,10 +6,12 @@ Knows which events a page needs how often. Knows no socket: the server has threa
 from __future__ import annotations
 
 from dnb_edge.live.server import LiveServer
-from dnb_edge.values import Event, Frame, FrameDetections, Observation, Target, TargetState
+from dnb_edge.values import Event, Frame, FrameDetections, Observation, Target, TargetState, VehicleReport
 
 LEAST_APART_NS = 60_000_000
 """Time between two frames of which it is told where the cars are: about 15 a second of 30, whatever the jitter."""
+VEHICLE_APART_NS = 90_000_000
+"""Time between two lines of one vehicle that are told: nobody reads more than ten figures a second."""
 
 
 class LiveSink:
@@ -22,6 +24,8 @@ class LiveSink:
         self._server = server
         self._told_t_ns: int | None = None
         self._tells = False
+        self._vehicles_ns: dict[int, int] = {}
+        """When a line of each car's vehicle was last told, CLOCK_MONOTONIC."""
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:  # noqa: ARG002 what was found comes as events
         """Offers the picture, and decides whether it is told where the cars are in this frame."""
@@ -32,8 +36,16 @@ class LiveSink:
 
     def event(self, event: Event) -> None:
         """Hands the event over."""
-        if self._tells or not isinstance(event, Observation | Target) or _is_lost(event):
+        if isinstance(event, VehicleReport):
+            self._vehicle(event)
+        elif self._tells or not isinstance(event, Observation | Target) or _is_lost(event):
             self._server.tell(event)
+
+    def _vehicle(self, report: VehicleReport) -> None:
+        last_ns = self._vehicles_ns.get(report.car)
+        if last_ns is None or report.came_ns - last_ns >= VEHICLE_APART_NS:
+            self._vehicles_ns[report.car] = report.came_ns
+            self._server.tell(report)
 
 
 def _is_lost(event: Observation | Target) -> bool:

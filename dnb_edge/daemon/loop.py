@@ -21,6 +21,7 @@ from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.progress import Progress
 from dnb_edge.daemon.sinks import Sink
+from dnb_edge.daemon.vehicle import VehicleInbox
 from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
@@ -80,6 +81,8 @@ class Race:
     """The machine's latest state, which never blocks; None for files and the simulator."""
     on_ready: Callable[[], None] | None = None
     """Called once, when the first frame is raced; must not block."""
+    vehicles: VehicleInbox | None = None
+    """What vehicles say of themselves; the core never hears of it."""
     laps: int = 0
     _last_t_ns: int | None = None
     _told_fault: str | None = None
@@ -147,6 +150,7 @@ class Race:
             self.meter.latency((time.monotonic_ns() - frame.t_ns) * 1e-6)
         for event in events:
             self._tell(event)
+        self._tell_vehicles(frame.t_ns)
         failed = self.feed.outages != self._told_outages
         if self.meter.due or picture_changed or view_changed or failed:
             self._tell(self._health())
@@ -200,6 +204,13 @@ class Race:
         self.laps += isinstance(event, Lap)
         for sink in self.sinks:
             sink.event(event)
+
+    def _tell_vehicles(self, t_ns: int) -> None:
+        """What vehicles said until the frame at `t_ns`."""
+        first_t_ns, monotonic = self.meter.first_t_ns, self.info.clock is Clock.MONOTONIC
+        if self.vehicles is not None and first_t_ns is not None:
+            for report in self.vehicles.take(t_ns, first_t_ns=first_t_ns, monotonic=monotonic):
+                self._tell(report)
 
     def _health(self) -> Health:
         fault = self._camera_fault()

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from dnb_edge.daemon.notices import Notices
+from dnb_edge.daemon.vehicle import VehicleInbox
 from dnb_edge.errors import InputError
-from dnb_edge.live.messages import AimCamera, NewRun, ShowText
+from dnb_edge.live.messages import AimCamera, NewRun, ShowText, VehicleSays
 from dnb_edge.live.server import Order, Reply
 
 
@@ -49,6 +50,8 @@ class Orders:
         """Whether a run is on; both are set by whoever fulfils wishes."""
         self.quits = False
         """Whether the process is to end."""
+        self.vehicles = VehicleInbox()
+        """What vehicles said, for the run that is on."""
 
     def end(self) -> None:
         """Ends the process, in good order. For signal handlers: takes no lock."""
@@ -82,6 +85,10 @@ class Orders:
     def __call__(self, order: Order, reply: Reply) -> None:
         """Takes an order. Never blocks."""
         match order:
+            case VehicleSays():
+                if self.races:
+                    self.vehicles.put(order.words)
+                reply(None if self.races else "no race is on")
             case ShowText():
                 self._notices.show(order.text, order.for_s)
                 reply(None)

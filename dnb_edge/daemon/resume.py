@@ -42,6 +42,7 @@ from dnb_edge.values import (
     RunSummary,
     Score,
     Standings,
+    VehicleReport,
 )
 
 log = logging.getLogger(__name__)
@@ -58,7 +59,7 @@ SHOWN = (Crossing, Incident, Lap, RaceState, Score, Standings)
 _SHOWN_TOPICS: dict[str, type[Any]] = {EVENT_TOPICS[kind]: kind for kind in SHOWN}
 _HEALTH_TOPIC = EVENT_TOPICS[Health]
 _SUMMARY_TOPIC = EVENT_TOPICS[RunSummary]
-_NOT_OF_THE_CORE = frozenset({_HEALTH_TOPIC, _SUMMARY_TOPIC})
+_VEHICLE_TOPIC = EVENT_TOPICS[VehicleReport]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,7 +294,7 @@ class _Tally:
             missing = wire.from_json(Health, data).frames - self.since_start
             if missing > 0:
                 raise ValueError(f"{missing} frames of it were not recorded")
-        else:
+        elif topic != _VEHICLE_TOPIC:  # that is not of the core
             self.after_last += 1
             kind = _SHOWN_TOPICS.get(topic)
             if kind is not None:

@@ -18,7 +18,17 @@ from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.display.state import BoardState
 from dnb_edge.record.writer import Recorder
-from dnb_edge.values import Event, Frame, FrameDetections, Health, Observation, Running, Standings, Target
+from dnb_edge.values import (
+    Event,
+    Frame,
+    FrameDetections,
+    Health,
+    Observation,
+    Running,
+    Standings,
+    Target,
+    VehicleReport,
+)
 
 
 class Sink(Protocol):
@@ -88,7 +98,9 @@ class BoardSink:
         self._post(self._state.at((frame.t_ns - self._first_t_ns) * 1e-9))
 
     def event(self, event: Event) -> None:
-        """Shows the event; the service manager's line changes with it."""
+        """Shows the event; the service manager's line changes with it. No display shows what a vehicle says."""
+        if isinstance(event, VehicleReport):
+            return
         self._post(self._state.after(event))
         self._notifier.show(self._state)
 
@@ -110,7 +122,7 @@ class BoardSink:
 
 
 def _hidden(*, observations: bool) -> tuple[type[Event], ...]:
-    return (Target,) if observations else (Target, Observation, Running)
+    return (Target,) if observations else (Target, Observation, Running, VehicleReport)
 
 
 class JsonSink:
@@ -128,7 +140,7 @@ class JsonSink:
         if isinstance(event, self._hidden):
             return
         self._stream.write(wire.event_to_json(event) + "\n")
-        if not isinstance(event, Observation | Running):
+        if not isinstance(event, Observation | Running | VehicleReport):
             self._stream.flush()
 
     @property
@@ -169,7 +181,7 @@ class LiveJsonSink:
         if self._lines.failure is not None:
             raise self._lines.failure
         if not isinstance(event, self._hidden):
-            vital = not isinstance(event, Observation | Running | Standings | Health)
+            vital = not isinstance(event, Observation | Running | Standings | Health | VehicleReport)
             self._lines.put((wire.event_to_json(event) + "\n").encode(), vital=vital)
 
     @property

@@ -149,7 +149,7 @@ class BoardState:
                 changed = self._stands(event)
             case values.RunSummary():
                 changed = replace(self, cars=tuple(car.finished() for car in self.cars))
-            case values.Score():
+            case values.Score() | values.VehicleReport():
                 changed = self
             case _:
                 changed = self.at(event.t_s)._moved(event)  # noqa: SLF001 its own kind

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 from dnb_edge import wire
 from dnb_edge.live.messages import Told, encode
-from dnb_edge.values import Event, Health, Observation, Running, Standings, Target
+from dnb_edge.values import Event, Health, Observation, Running, Standings, Target, VehicleReport
 
 MOST_KEPT = 5000
 """Lasting events that are kept: a race of some hundred laps by eight cars."""
 
-FLEETING = (Observation, Target, Running)
+FLEETING = (Observation, Target, Running, VehicleReport)
 """What nobody needs to know later."""
 LAST_ONLY = (Standings, Health)
 """Of which each replaces the one before it."""

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 from dnb_edge import wire
 from dnb_edge.errors import WorkError
+from dnb_edge.live.vehicle_word import VehicleWord
 
 PROTOCOL = 1
 """Grows when a message changes so that an older reader misunderstands it; new members and messages are no such change."""
@@ -90,6 +91,8 @@ class State:
     """What a board needs to draw the race; None outside a race."""
     first_sequence: int = 0
     """Number of the latest run's first event: those before it are of runs before, which nobody keeps here."""
+    start: str | None = None
+    """How the race begins: `rolling`, so that cars may drive at once, or `grid`, with a countdown; None outside one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,8 +173,16 @@ class ShowText:
     for_s: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSays:
+    """Hands over what vehicles said of themselves, for the recording and for whoever watches. No race is changed by it."""
+
+    ask: int
+    words: tuple[VehicleWord, ...]
+
+
 FromDaemon: TypeAlias = Hello | State | Told | Picture | Answer
-ToDaemon: TypeAlias = Follow | WatchPictures | NewRun | AimCamera | ShowText
+ToDaemon: TypeAlias = Follow | WatchPictures | NewRun | AimCamera | ShowText | VehicleSays
 Message: TypeAlias = FromDaemon | ToDaemon
 
 _NAMES: dict[type, str] = {
@@ -185,6 +196,7 @@ _NAMES: dict[type, str] = {
     NewRun: "new-run",
     AimCamera: "aim",
     ShowText: "show",
+    VehicleSays: "vehicle",
 }
 _KINDS = {name: kind for kind, name in _NAMES.items()}
 

@@ -33,6 +33,7 @@ from dnb_edge.live.messages import (
     Picture,
     ShowText,
     State,
+    VehicleSays,
     WatchPictures,
     decode,
     encode,
@@ -54,7 +55,7 @@ CLOSE_S = 1.0
 
 log = logging.getLogger(__name__)
 
-Order: TypeAlias = NewRun | AimCamera | ShowText
+Order: TypeAlias = NewRun | AimCamera | ShowText | VehicleSays
 Reply: TypeAlias = Callable[[str | None], None]
 """Tells whoever asked the end of it: why it was not done, or None where it was. From any thread, once."""
 
@@ -236,7 +237,7 @@ class LiveServer:
                     self._count_watchers()
                 client.answer(Answer(ask=asked.ask, done=True))
                 self._new_frame.set()
-            case NewRun() | AimCamera() | ShowText():
+            case NewRun() | AimCamera() | ShowText() | VehicleSays():
                 self.on_order(asked, self._reply(client, asked.ask))
             case None:
                 log.warning("live socket: a client asks for something that this version does not know")

@@ -17,6 +17,7 @@ class Rank(Enum):
     """What happens to an item when there is no room."""
 
     PICTURE = "gives way"
+    EXTRA = "waits for nothing, and has half of the room: the race can be raced again without it"
     DATA = "waits, or is refused and counted"
     VITAL = "always gets in: there are a few a minute"
 
@@ -36,19 +37,17 @@ class Mailbox(Generic[T]):
         self.dropped_pictures = 0
         self.lost = 0
         """DATA items refused for want of room."""
+        self.lost_extras = 0
 
     def put(self, item: T, rank: Rank, *, wait: bool) -> int | None:
         """Hand `item` over, waiting for room where `wait`; its ticket, or None where it was dropped or the box shut."""
         with self._changed:
-            while wait and not self._closed and not self._has_room(rank):
+            while wait and rank is not Rank.EXTRA and not self._closed and not self._has_room(rank):
                 self._changed.wait()
             if self._closed:
                 return None
             if not self._has_room(rank) and not self._make_room(rank):
-                if rank is Rank.PICTURE:
-                    self.dropped_pictures += 1
-                else:
-                    self.lost += 1
+                self._count_lost(rank)
                 return None
             self.last_ticket += 1
             self._items.append((self.last_ticket, rank, item))
@@ -95,11 +94,16 @@ class Mailbox(Generic[T]):
             return True
         if rank is Rank.PICTURE and self._pictures >= self._picture_capacity:
             return False
-        return len(self._items) < self._capacity
+        return len(self._items) < (self._capacity // 2 if rank is Rank.EXTRA else self._capacity)
+
+    def _count_lost(self, rank: Rank) -> None:
+        self.dropped_pictures += rank is Rank.PICTURE
+        self.lost_extras += rank is Rank.EXTRA
+        self.lost += rank is Rank.DATA
 
     def _make_room(self, rank: Rank) -> bool:
         """Drop the oldest waiting picture in favour of an item of `rank`; False where there is none to drop."""
-        if rank is Rank.PICTURE or not self._pictures:
+        if rank in {Rank.PICTURE, Rank.EXTRA} or not self._pictures:
             return False
         oldest = next(entry for entry in self._items if entry[1] is Rank.PICTURE)
         self._items.remove(oldest)

@@ -37,6 +37,7 @@ from dnb_edge.values import (
     Score,
     Standings,
     Target,
+    VehicleReport,
 )
 
 BATCH = 64
@@ -50,6 +51,8 @@ WRITE_ERRORS = (OSError, RuntimeError, ValueError, TypeError, OverflowError, cv2
 """What foxglove-sdk (RuntimeError), JSON (ValueError, TypeError), OpenCV and the system can say while we write."""
 
 _DATA = FrameDetections | Observation | Target | Running
+_GIVES_WAY = _DATA | VehicleReport
+"""What is left out where the disk is nearly full; of these a vehicle's lines are not missed when a race is scored again."""
 _KEPT = Lap | Score | Crossing | Incident | RaceState | Standings | RunSummary
 _SYNCED_AT_ONCE = Lap | Score | RunSummary
 
@@ -203,7 +206,7 @@ class Scribe:
                 self.acks.lost(self._kept.popleft()[0])
                 self.lost += 1
         is_data = isinstance(item, _DATA)
-        if self._file is None or (is_data and self._keeper.level is Level.LAPS_ONLY):
+        if self._file is None or (isinstance(item, _GIVES_WAY) and self._keeper.level is Level.LAPS_ONLY):
             if is_data:
                 self.lost += 1
             if not isinstance(item, _KEPT):

@@ -20,7 +20,7 @@ from dnb_edge.record.mailbox import Mailbox, Rank
 from dnb_edge.record.room import Statvfs
 from dnb_edge.record.runfile import FileSpec, Item, LogLine, error_words
 from dnb_edge.record.scribe import Plan, Scribe
-from dnb_edge.values import Event, Frame, FrameDetections, Observation, Running, Target
+from dnb_edge.values import Event, Frame, FrameDetections, Observation, Running, Target, VehicleReport
 
 DISK_ERRORS = frozenset({errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EROFS})
 """What a disk says that is full, broken or read-only; anything else is a wrong choice of directory."""
@@ -152,9 +152,12 @@ class Recorder:
     def add_event(self, event: Event) -> int | None:
         """Record one event; the ticket for `is_saved`, None where there was no room or no recording any more.
 
-        Only observations and targets can find no room. A lap and a score are synced as soon as they are written.
+        Only observations, targets and what vehicles say can find no room. A lap and a score are synced as soon as they are
+        written.
         """
         rank = Rank.DATA if isinstance(event, Observation | Target | Running) else Rank.VITAL
+        if isinstance(event, VehicleReport):
+            rank = Rank.EXTRA
         return self._mail.put(event, rank, wait=self._settings.lossless)
 
     def add_log(self, message: str, t_ns: int | None = None) -> None:

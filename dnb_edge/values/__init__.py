@@ -54,6 +54,7 @@ from dnb_edge.values.telling import (
     RunSummary,
     Standing,
     Standings,
+    VehicleReport,
 )
 
 __all__ = [
@@ -91,5 +92,6 @@ __all__ = [
     "Standings",
     "Target",
     "TargetState",
+    "VehicleReport",
     "path_points",
 ]

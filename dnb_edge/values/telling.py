@@ -111,6 +111,33 @@ class Running:
     """Where the car was in its best valid lap after the same time, track m; None before there is one or after its end."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReport:
+    """What a vehicle said of itself. Nobody has checked it, nothing is timed by it, and some of it may be missing."""
+
+    t_ns: int
+    """When it came to this box, on the source's clock where that is CLOCK_MONOTONIC; else the stamp of the frame raced then."""
+    t_s: float
+    came_ns: int
+    """When it came, CLOCK_MONOTONIC."""
+    car: int
+    """Number of the car, as it says."""
+    seq: int | None
+    """Its own count of its lines; None where it counts none."""
+    inference_ms: float | None
+    """How long its network took, as it says."""
+    steering: float | None
+    """-1 (full right) to 1 (full left); None where it does not tell. Likewise:"""
+    throttle: float | None
+    """-1 (full reverse) to 1 (full ahead)."""
+    rate_hz: float | None
+    """Lines of this car that were taken in the second before; None before there are two."""
+    missing: int
+    """Lines of this car that never came or were over the limit, so far, by its own count."""
+    refused: int
+    """Lines that were no telemetry, or too many, so far, whoever sent them."""
+
+
 class RacePhase(StrEnum):
     """Where a race stands, for all cars together."""
 
@@ -186,6 +213,17 @@ class Standings:
 
 
 Event: TypeAlias = (
-    Observation | Target | Crossing | Incident | Lap | Score | Running | RaceState | Standings | Health | RunSummary
+    Observation
+    | Target
+    | Crossing
+    | Incident
+    | Lap
+    | Score
+    | Running
+    | RaceState
+    | Standings
+    | Health
+    | VehicleReport
+    | RunSummary
 )
-"""Anything that the core or the appliance says about a race."""
+"""Anything that the core, the appliance or a vehicle says about a race."""

@@ -10,7 +10,7 @@ from bisect import bisect_left
 
 from dnb_edge.live.messages import Told
 
-FLEETING = frozenset({"observation", "target", "running"})
+FLEETING = frozenset({"observation", "target", "running", "vehicle"})
 LAST_ONLY = frozenset({"standings", "health"})
 MOST_KEPT = 6000
 """More than the daemon itself keeps."""
