@@ -6,7 +6,7 @@ Frame of reference in space, *world m*: x and y as track m, z up from the floor.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,13 @@ class PinholeCamera:
         translation = -self.rotation @ self.position_m
         h = self.matrix @ np.column_stack((self.rotation[:, 0], self.rotation[:, 1], translation))
         return np.asarray(h / h[2, 2])
+
+    def resized(self, size_px: tuple[int, int]) -> PinholeCamera:
+        """This camera with its pictures scaled to `size_px` (width, height)."""
+        across, down = size_px[0] / self.width_px, size_px[1] / self.height_px
+        # Pixel centres: px u lies at (u + 0.5) * across - 0.5 of the scaled picture.
+        scale = np.array([[across, 0.0, 0.5 * across - 0.5], [0.0, down, 0.5 * down - 0.5], [0.0, 0.0, 1.0]])
+        return replace(self, width_px=size_px[0], height_px=size_px[1], matrix=scale @ self.matrix)
 
     def distance_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) straight distance from the optical centre to (n, 3) points, metres."""

@@ -66,8 +66,12 @@ class Renderer:
 
         It stands behind the driven car wherever the two overlap in the picture.
         """
+        self.stand(posed(car_mesh(seed), pose))
+
+    def stand(self, body: Mesh) -> None:
+        """Stand `body`, world m, in the room for good, as `park` does a car."""
         silent = np.zeros(self._room.shape, dtype=np.int16)
-        self._draw_car(self._room, posed(car_mesh(seed), pose), silent, self._room)
+        self._draw_car(self._room, body, silent, self._room)
         self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
 
     def _draw_car(self, picture: BgrImage, body: Mesh, noise: NDArray[np.int16], below: BgrImage) -> None:
