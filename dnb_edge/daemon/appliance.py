@@ -18,6 +18,7 @@ from types import FrameType
 
 from dnb_edge.assembly import make_header, make_scene, make_source
 from dnb_edge.capture.settings import changed_controls
+from dnb_edge.capture.source import FrameSource
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon.alone import alone, lock_directory
@@ -71,8 +72,11 @@ def run_appliance(
     displays: Sequence[Display] = (),
     notifier: ServiceNotifier | None = None,
     live: LiveRun | None = None,
+    source: FrameSource | None = None,
 ) -> RunSummary:
     """Runs one race and returns its summary once the recording is finished and synced.
+
+    `source`: an open one instead of that which `options` name, such as a closed loop; it is closed here.
 
     `listeners` hear the summary as their last event; `live` tells other processes on the box of the race, and may end it before
     it begins: then nothing is written, and nobody hears anything. Raises `InputError`
@@ -82,7 +86,7 @@ def run_appliance(
     notifier.status("starting")
     with ExitStack() as stack:
         stop: Stop = live.stop if live is not None else stack.enter_context(stop_signals())
-        source = make_source(options.source_uri, config)
+        source = make_source(options.source_uri, config) if source is None else source
         stack.callback(source.close)
         if source.info.live:
             stack.enter_context(alone(lock_directory(_directory(config, options))))
