@@ -109,8 +109,8 @@ def _short(name: str) -> str:
 
 
 def _is_of(trial: Trial, row: EntryRow) -> bool:
-    entry = trial.entry
-    return (entry.name, entry.version, entry.checkpoint_sha256) == (row.entry, row.version, row.checkpoint_sha256)
+    entrant = (row.entry, row.version, row.checkpoint_sha256, row.simulated)
+    return trial.entrant.key == entrant and row.run in {None, trial.run}
 
 
 def _dots(axes: Axes, place: int, values: Sequence[float]) -> None:

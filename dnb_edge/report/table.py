@@ -1,20 +1,22 @@
-"""The paper's Table I for any set of trials: entry, path similarity, completion time, how sure they are, who is alike.
+"""The paper's Table I for any set of trials: entry, success, path similarity, completion time, how sure they are, who is alike.
 
-Knows laps and who drove them. Both figures are means over the entry's valid laps; an entry without a valid lap did not
-finish (DNF). Order of rows and all figures do not depend on the order of the trials. Knows no file and no picture; how the
-table is printed is `table_text`, `table_files` and `table_latex`.
+Knows laps and who drove them, in reality or in simulation. Similarity and time are means over the entry's valid laps; an entry
+without a valid lap did not finish (DNF). Order of rows and all figures do not depend on the order of the trials. Knows no file
+and no picture; how the table is printed is `table_text`, `table_files` and `table_latex`.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Any, Protocol
 
-from dnb_edge.score.compare import Comparison, Estimate, Sample, compare, estimate
+from dnb_edge.report.entrants import Entrant, OrderKey, labels, order_key
+from dnb_edge.report.table_compare import FigureOrder, alike_notes, by_means, by_shares, order_note
+from dnb_edge.score.compare import Estimate, Sample, estimate
+from dnb_edge.score.share import Share, Tally, share
 from dnb_edge.values import EntryInfo, Lap
 
 
@@ -28,6 +30,17 @@ class Attempt(Protocol):
     @property
     def laps(self) -> Sequence[Lap]:
         """All laps, valid or not."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inference:
+    """How long a network under test takes for one picture, milliseconds."""
+
+    p50_ms: float
+    p95_ms: float
+    p99_ms: float
+    source: str
+    """Where the figures are from, such as the machine that a benchmark ran on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +58,17 @@ class Trial:
     """Digest of the track that was driven; None where nobody computed it. The next two likewise."""
     calibration: str | None = None
     rules: str | None = None
+    simulated: bool = False
+    """True where the car and its camera were computed."""
+    collisions: int = 0
+    """Of the car, with what stood in its way."""
+    inference: Inference | None = None
+    """Of the network that drove; None for people and where nobody measured it."""
+
+    @property
+    def entrant(self) -> Entrant:
+        """Who drove, in which world."""
+        return Entrant(entry=self.entry, simulated=self.simulated)
 
     @property
     def attempted_laps(self) -> int:
@@ -66,6 +90,7 @@ class Alike:
 
     similarity_percent: tuple[str, ...] = ()
     completion_time_s: tuple[str, ...] = ()
+    success_rate: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +143,36 @@ class EntryRow:
     """Digest of the track; the next two are of all its calibrations and rules."""
     calibrations: tuple[str, ...]
     rules: tuple[str, ...]
+    simulated: bool = False
+    conditions: str | None = None
+    """Heading of its group, where runs under several conditions are told; rows of two groups are never compared."""
+    clean_laps: int = 0
+    """Valid laps without a penalty."""
+    collisions: int = 0
+    success_ci95_low: float | None = None
+    """Lower end of the success rate's 95 % confidence interval, 0..1."""
+    success_ci95_high: float | None = None
+    success_group: str | None = None
+    inference_p50_ms: float | None = None
+    """Median time for one picture; None for people and where nobody measured it. The next two likewise."""
+    inference_p95_ms: float | None = None
+    inference_p99_ms: float | None = None
+    inference_source: str | None = None
+    success_rank: int | None = None
+    """Place by success rate, from 1, equal ones sharing the lesser; None where there is nothing to rank."""
+    success_rank_low: int | None = None
+    """Within this and the next it is in 95 % of the resamples."""
+    success_rank_high: int | None = None
+    success_rank_share: float | None = None
+    """Resamples in which it has its rank, 0..1. The other figures' ranks likewise."""
+    similarity_rank: int | None = None
+    similarity_rank_low: int | None = None
+    similarity_rank_high: int | None = None
+    similarity_rank_share: float | None = None
+    completion_time_rank: int | None = None
+    completion_time_rank_low: int | None = None
+    completion_time_rank_high: int | None = None
+    completion_time_rank_share: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,38 +181,45 @@ class ResultTable:
 
     rows: tuple[EntryRow, ...]
     notes: tuple[str, ...]
+    conditions: str | None = None
+    """Heading, where the table is one of several groups."""
+    orders: tuple[FigureOrder, ...] = ()
+    """The rows by success rate, path similarity and completion time."""
 
 
-def result_table(trials: Iterable[Trial], by: RowsBy = RowsBy.ENTRY) -> ResultTable:
-    """One row an entry (or a run), sorted by name, version and run; entries are alike in name, version and checkpoint."""
+def result_table(trials: Iterable[Trial], by: RowsBy = RowsBy.ENTRY, *, conditions: str | None = None) -> ResultTable:
+    """One row an entry (or a run), sorted by name, version and run; entries are alike in name, version, checkpoint, world."""
     groups: dict[tuple[object, ...], list[Trial]] = {}
     for trial in sorted(trials, key=_order):
         groups.setdefault(_key(trial, by), []).append(trial)
-    members = [tuple(group) for group in groups.values()]
-    labels = _labels([group[0].entry for group in members])
+    members = list(groups.values())
+    names = labels([group[0].entrant for group in members])
     if by is RowsBy.RUN:
-        labels = [f"{label} ({group[0].run})" for label, group in zip(labels, members, strict=True)]
-    similarities = [estimate(_similarities(trial) for trial in group) for group in members]
-    times = [estimate(_times(trial) for trial in group) for group in members]
-    rows = [
-        _row(group, label, similarity, time, by)
-        for group, label, similarity, time in zip(members, labels, similarities, times, strict=True)
-    ]
-    by_similarity, by_time = _compared(similarities, best=-1), _compared(times, best=1)
-    told = (
+        names = [f"{name} ({group[0].run})" for name, group in zip(names, members, strict=True)]
+    percents = [[_similarities(trial) for trial in group] for group in members]
+    times_s = [[_times(trial) for trial in group] for group in members]
+    tallies = [[_tally(trial) for trial in group] for group in members]
+    similarities, times = [estimate(runs) for runs in percents], [estimate(runs) for runs in times_s]
+    shares = [share(runs) for runs in tallies]
+    orders = {
+        "success": by_shares("success rate", shares, tallies),
+        "similarity": by_means("path similarity", similarities, percents, most_is_best=True),
+        "completion_time": by_means("completion time", times, times_s, most_is_best=False),
+    }
+    rows = tuple(
         replace(
-            row,
-            similarity_group=by_similarity.letters[i] if by_similarity.p else None,
-            completion_time_group=by_time.letters[i] if by_time.p else None,
-            indistinguishable_from=Alike(
-                similarity_percent=tuple(labels[j] for j in by_similarity.alike(i)),
-                completion_time_s=tuple(labels[j] for j in by_time.alike(i)),
-            ),
+            _row(group, names[i], similarities[i], times[i], by),
+            conditions=conditions,
+            **_compared(i, names, shares[i], orders),
         )
-        for i, row in enumerate(rows)
+        for i, group in enumerate(members)
     )
-    notes = (*_notes(by_similarity, labels, "path similarity"), *_notes(by_time, labels, "completion time"))
-    return ResultTable(rows=tuple(told), notes=notes)
+    means = (orders["similarity"], orders["completion_time"])
+    notes = [note for order in means for note in alike_notes(order, names)]
+    if len({one.share for one in shares if one is not None}) > 1:
+        notes += alike_notes(orders["success"], names)
+    notes += [note for order in orders.values() for note in order_note(order, names)]
+    return ResultTable(rows=rows, notes=tuple(notes), conditions=conditions, orders=tuple(orders.values()))
 
 
 def entry_rows(attempts: Iterable[Attempt]) -> tuple[EntryRow, ...]:
@@ -195,35 +257,18 @@ def _times(trial: Trial) -> Sample:
     return Sample(values=tuple(map(official_s, laps)), sigmas=tuple(lap.sigma_s for lap in laps))
 
 
+def _tally(trial: Trial) -> Tally:
+    return Tally(successes=len(_valid(trial)), attempts=trial.attempted_laps)
+
+
 def _key(trial: Trial, by: RowsBy) -> tuple[object, ...]:
-    entry = (trial.entry.name, trial.entry.version, trial.entry.checkpoint_sha256)
-    return entry if by is RowsBy.ENTRY else (*entry, trial.run)
+    return trial.entrant.key if by is RowsBy.ENTRY else (*trial.entrant.key, trial.run)
 
 
-def _order(trial: Trial) -> tuple[object, ...]:
+def _order(trial: Trial) -> tuple[OrderKey, bool, OrderKey]:
     entry = trial.entry
-    texts = (entry.name, entry.version, entry.checkpoint_sha256 or "", trial.run)
-    return tuple((_natural(text), text) for text in texts)
-
-
-def _natural(text: str) -> list[tuple[str, int]]:
-    """Sorts `driver 10` behind `driver 2`."""
-    parts = re.split(r"([0-9]{1,18})", text)
-    return [(word.casefold(), int(number)) for word, number in zip(parts[::2], [*parts[1::2], "0"], strict=True)]
-
-
-def _labels(entries: Sequence[EntryInfo]) -> list[str]:
-    """The name, with the version where several of one name take part, with the checkpoint where even that does not tell."""
-    labels = []
-    for entry in entries:
-        label = entry.name
-        of_name = [other for other in entries if other.name == entry.name]
-        if len({other.version for other in of_name}) > 1 and entry.version:
-            label += f" {entry.version}"
-        if len({other.checkpoint_sha256 for other in of_name if other.version == entry.version}) > 1:
-            label += f" [{(entry.checkpoint_sha256 or 'no checkpoint')[:13]}]"
-        labels.append(label)
-    return labels
+    texts = order_key(entry.name, entry.version, entry.checkpoint_sha256 or "")
+    return (texts, trial.simulated, order_key(trial.run))
 
 
 def _row(
@@ -234,6 +279,7 @@ def _row(
     attempted = sum(trial.attempted_laps for trial in trials)
     best = min(valid, key=lambda lap: (official_s(lap), lap.sigma_s), default=None)
     entry = trials[0].entry
+    inference = next((trial.inference for trial in trials if trial.inference is not None), None)
     interval_over = None
     if time is not None and time.error is not None:
         interval_over = "runs" if time.runs > 1 else "laps"
@@ -267,7 +313,35 @@ def _row(
         track=trials[0].track,
         calibrations=_all_of(trial.calibration for trial in trials),
         rules=_all_of(trial.rules for trial in trials),
+        simulated=trials[0].simulated,
+        clean_laps=sum(not lap.penalties for lap in valid),
+        collisions=sum(trial.collisions for trial in trials),
+        inference_p50_ms=None if inference is None else inference.p50_ms,
+        inference_p95_ms=None if inference is None else inference.p95_ms,
+        inference_p99_ms=None if inference is None else inference.p99_ms,
+        inference_source=None if inference is None else inference.source,
     )
+
+
+def _compared(i: int, names: Sequence[str], success: Share | None, orders: Mapping[str, FigureOrder]) -> dict[str, Any]:
+    """Members of the table's i-th row that come of comparing it: its letters, its places, and who is like it."""
+    told: dict[str, Any] = {}
+    for figure, order in orders.items():
+        told[f"{figure}_group"] = order.letters(i)
+        place = order.places[i]
+        if place is not None:
+            told[f"{figure}_rank"] = place.rank
+            told[f"{figure}_rank_low"], told[f"{figure}_rank_high"] = place.low, place.high
+            told[f"{figure}_rank_share"] = place.share
+    alike = {figure: tuple(names[j] for j in order.comparison.alike(i)) for figure, order in orders.items()}
+    told["indistinguishable_from"] = Alike(
+        similarity_percent=alike["similarity"],
+        completion_time_s=alike["completion_time"],
+        success_rate=alike["success"],
+    )
+    if success is not None:
+        told |= {"success_ci95_low": success.low, "success_ci95_high": success.high}
+    return told
 
 
 def _end(value: float | None, *, most: float = math.inf) -> float | None:
@@ -277,37 +351,3 @@ def _end(value: float | None, *, most: float = math.inf) -> float | None:
 
 def _all_of(texts: Iterable[str | None]) -> tuple[str, ...]:
     return tuple(sorted({text for text in texts if text is not None}))
-
-
-def _compared(estimates: Sequence[Estimate | None], *, best: int) -> Comparison:
-    """The comparison of all rows, with letters from the best on: -1 where more is better, 1 where less is."""
-
-    def rank(i: int) -> tuple[float, int]:
-        one = estimates[i]
-        return (math.inf if one is None else best * one.mean, i)
-
-    order = sorted(range(len(estimates)), key=rank)
-    ranked = compare([estimates[i] for i in order])
-    letters = dict(zip(order, ranked.letters, strict=True))
-    p = {(min(order[i], order[j]), max(order[i], order[j])): value for (i, j), value in ranked.p.items()}
-    return Comparison(
-        p=p,
-        untested=frozenset(order[i] for i in ranked.untested),
-        letters=tuple(letters[i] for i in range(len(estimates))),
-        groups=tuple(frozenset(order[i] for i in group) for group in ranked.groups),
-    )
-
-
-def _notes(comparison: Comparison, labels: Sequence[str], figure: str) -> list[str]:
-    notes = []
-    for group in comparison.groups:
-        if len(group) > 1:
-            *most, last = (labels[i] for i in sorted(group))
-            least = comparison.least_p(group)
-            p = f"p = {least:.2f}" + (" or more" if len(most) > 1 and least < 0.995 else "")
-            notes.append(f"{', '.join(most)} and {last} cannot be told apart by {figure} ({p})")
-    compared = sum(letters is not None for letters in comparison.letters)
-    if comparison.untested and len(comparison.untested) + compared > 1:
-        names = ", ".join(labels[i] for i in sorted(comparison.untested))
-        notes.append(f"One valid lap tells no spread, so not compared by {figure}: {names}")
-    return notes

@@ -39,6 +39,7 @@ def as_latex(table: ResultTable) -> str:
     head = " & ".join(rf"\textbf{{{column[0]}}}" for column in columns)
     body = [" & ".join(cells) for cells in zip(*(column[1:] for column in columns), strict=True)]
     lines = [
+        *([] if table.conditions is None else [f"% {printable(table.conditions)}"]),
         r"% Needs \usepackage{booktabs}.",
         rf"\begin{{tabular}}{{l{'r' * (len(columns) - 1)}}}",
         r"\toprule",
@@ -71,7 +72,7 @@ def _columns(rows: Sequence[EntryRow]) -> list[list[str]]:
         ["Entry", *(escaped(row.label) for row in rows)],
         ["Runs", *(str(row.runs) for row in rows)],
         ["Laps", *(f"{row.valid_laps}/{row.attempted_laps}" for row in rows)],
-        [r"Success (\%)", *(_NONE if row.success_rate is None else f"{row.success_rate:.0%}"[:-1] for row in rows)],
+        [r"Success (\%)", *map(_success, rows)],
         [r"Path Sim.\ (\%)", *similarity],
         [_CI, *(_interval(row.similarity_ci95_low_percent, row.similarity_ci95_high_percent, 2) for row in rows)],
         ["Completion Time (s)", *time],
@@ -80,7 +81,24 @@ def _columns(rows: Sequence[EntryRow]) -> list[list[str]]:
     ]
     if any(row.penalties for row in rows):
         columns.append(["Penalties (s)", *(f"{row.penalty_s:g}" for row in rows)])
+    if any(row.collisions for row in rows):
+        columns.append(["Collisions", *(str(row.collisions) for row in rows)])
+    if any(row.inference_p95_ms is not None for row in rows):
+        columns.append([r"Inference $p_{95}$ (ms)", *map(_inference, rows)])
     return [column for column in columns if column[0] != _CI or not set(column[1:]) <= {_NONE}]
+
+
+def _success(row: EntryRow) -> str:
+    """With its interval where that is over runs."""
+    if row.success_rate is None:
+        return _NONE
+    part = f"{100 * row.success_rate:.0f}"
+    low, high = row.success_ci95_low, row.success_ci95_high
+    return part if row.runs < 2 or low is None or high is None else f"{part} [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def _inference(row: EntryRow) -> str:
+    return _NONE if row.inference_p95_ms is None else f"{row.inference_p95_ms:.1f}"
 
 
 def _mean(row: EntryRow, mean: float | None, sd: float | None, group: str | None, digits: int) -> str:

@@ -20,6 +20,9 @@ NO_VALUE = "-"
 INTERVALS = "[ ]: 95 % confidence interval of the mean, over laps where there is one run, else over runs; sd: of laps"
 
 
+INFERENCE = "Inference: median / 95th percentile for one picture, of the network alone"
+
+
 def as_text(table: ResultTable) -> str:
     """The table: figures to the right, one line an entry, then one line a note; no trailing line feed.
 
@@ -29,9 +32,13 @@ def as_text(table: ResultTable) -> str:
     widths = [max(map(cell_len, column)) for column in columns]
     text = [_aligned(line, widths) for line in zip(*columns, strict=True)]
     text.insert(1, "  ".join("-" * width for width in widths))
+    if table.conditions is not None:
+        text = [printable(table.conditions), "", *text]
     notes = [printable(note) for note in table.notes]
     if any(row.interval_over is not None for row in table.rows):
         notes.append(INTERVALS)
+    if any(row.inference_p50_ms is not None for row in table.rows):
+        notes.append(INFERENCE)
     return "\n".join([*text, "", *notes] if notes else text)
 
 
@@ -43,7 +50,7 @@ def table_columns(rows: Sequence[EntryRow]) -> list[list[str]]:
         ["Entry", *(printable(row.label) for row in rows)],
         ["Runs", *(str(row.runs) for row in rows)],
         ["Laps", *(f"{row.valid_laps} of {row.attempted_laps}" for row in rows)],
-        ["Success", *(_figure(row.success_rate, "{:.0%}") for row in rows)],
+        ["Success", *map(_success, rows)],
         ["Path similarity (%)", *similarity],
         ["sd", *(_figure(row.similarity_sd_percent, "{:.2f}") for row in rows)] if spread else [],
         ["Completion time (s)", *time],
@@ -52,7 +59,25 @@ def table_columns(rows: Sequence[EntryRow]) -> list[list[str]]:
     ]
     if any(row.penalties for row in rows):
         columns.append(["Penalties", *(f"{row.penalties} (+{row.penalty_s:g} s)" for row in rows)])
+    if any(row.collisions for row in rows):
+        columns.append(["Collisions", *(str(row.collisions) for row in rows)])
+    if any(row.inference_p50_ms is not None for row in rows):
+        columns.append(["Inference (ms)", *map(_inference, rows)])
     return [column for column in columns if column]
+
+
+def _success(row: EntryRow) -> str:
+    """With its interval where that is over runs."""
+    share = _figure(row.success_rate, "{:.0%}")
+    low, high = row.success_ci95_low, row.success_ci95_high
+    return share if row.runs < 2 or low is None or high is None else f"{share} [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def _inference(row: EntryRow) -> str:
+    """Median and 95th percentile."""
+    if row.inference_p50_ms is None or row.inference_p95_ms is None:
+        return NO_VALUE
+    return f"{row.inference_p50_ms:.1f} / {row.inference_p95_ms:.1f}"
 
 
 def _similarity(row: EntryRow) -> str:

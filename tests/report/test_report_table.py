@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from dnb_edge.report.table import ResultTable, RowsBy, Trial, entry_rows, printable, result_table
+from dnb_edge.report.table import Inference, ResultTable, RowsBy, Trial, entry_rows, printable, result_table
 from dnb_edge.report.table_files import COLUMNS, as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex, escaped
 from dnb_edge.report.table_text import INTERVALS, as_text
@@ -101,7 +101,7 @@ def test_without_a_valid_lap_the_entry_did_not_finish(laps: tuple[Lap, ...]) -> 
     assert (cells["finished"], cells["similarity_percent"], cells["completion_time_s"]) == ("false", "", "")
     data = json.loads(as_json_lines(table))
     assert (data["finished"], data["similarity_percent"], data["completion_time_s"]) == (False, None, None)
-    assert data["indistinguishable_from"] == {"similarity_percent": [], "completion_time_s": []}
+    assert data["indistinguishable_from"] == {"similarity_percent": [], "completion_time_s": [], "success_rate": []}
     assert as_latex(table).count("DNF") == 2
 
 
@@ -199,6 +199,84 @@ def test_a_row_a_run() -> None:
         ("a (10.mcap)", "10.mcap", 12.0),
     ]
     assert table.rows[0].interval_over == "laps"
+
+
+def test_a_success_rate_has_its_interval_its_letters_and_its_notes() -> None:
+    """Over runs, each as one trial; who fails in five runs of five is told apart from who never does, and the note says whom
+    it does not tell apart. Rates that are all the same are no note."""
+    good, bad = laps_of(10.0, 11.0), tuple(lap(12.0, 80.0, valid=False) for _ in range(2))
+    trials = [trial(name, *laps, run=f"{k}") for name, laps in (("a", good), ("b", bad), ("c", good)) for k in range(6)]
+    table = result_table([*trials, trial("c", *bad, run="7")])
+    first, second, third = table.rows
+    assert (first.success_rate, second.success_rate, third.success_rate) == (1.0, 0.0, pytest.approx(6 / 7))
+    assert (first.success_ci95_low, first.success_ci95_high) == (pytest.approx(0.61, abs=0.005), 1.0)
+    assert [row.success_group for row in table.rows] == ["a", "b", "a"]
+    assert first.indistinguishable_from.success_rate == ("c",)
+    assert "a and c cannot be told apart by success rate (p = 0.59)" in table.notes
+    assert "100% [61, 100]" in as_text(table)
+    assert " & 100 [61, 100] & " in as_latex(table)
+    even = result_table([one for one in trials if one.entry.name != "b"])
+    assert not [note for note in even.notes if "success" in note]
+
+
+def test_the_order_and_how_often_it_holds_is_said() -> None:
+    """Ranks of each figure with the resamples that kept them: two far apart always, in both orders."""
+    runs = [
+        trial(name, *laps_of(mean_s + k / 50, similarity_percent=mean_s * 4 + k / 50), run=f"{name}{k}")
+        for name, mean_s in (("slow", 20.0), ("fast", 10.0))
+        for k in range(5)
+    ]
+    table = result_table(runs)
+    fast, slow = table.rows
+    assert (fast.completion_time_rank, slow.completion_time_rank) == (1, 2)
+    assert (fast.similarity_rank, slow.similarity_rank) == (2, 1)
+    assert (fast.completion_time_rank_low, fast.completion_time_rank_high) == (1, 1)
+    assert fast.completion_time_rank_share == 1.0
+    assert (fast.success_rank, slow.success_rank) == (1, 1)
+    assert "Order by completion time: fast, then slow; holds in 100 % of 2000 resamples" in table.notes
+    assert "Order by path similarity: slow, then fast; holds in 100 % of 2000 resamples" in table.notes
+    assert not [note for note in table.notes if "Order by success" in note]
+
+
+def test_reality_and_simulation_are_two_rows() -> None:
+    """An entry that drove in both is told apart by its label; where only one world takes part nothing is said of it."""
+    both = [trial("net", *laps_of(10.0)), trial("net", *laps_of(9.0), simulated=True)]
+    rows = result_table(both).rows
+    assert [(row.label, row.simulated, row.completion_time_s) for row in rows] == [
+        ("net", False, 10.0),
+        ("net (simulated)", True, 9.0),
+    ]
+    assert result_table(both[1:]).rows[0].label == "net"
+
+
+def test_collisions_and_inference_have_columns_where_there_are_any() -> None:
+    """Counted over all runs; the network's own speed beside its laps, a dash for a person; no column where nobody has any."""
+    speed = Inference(p50_ms=6.04, p95_ms=7.96, p99_ms=9.1, source="pi5: Cortex-A76, 4 cores")
+    table = result_table(
+        [
+            trial("net", *laps_of(10.0), run="1", collisions=2, inference=speed),
+            trial("net", *laps_of(10.0), run="2", collisions=1, inference=speed),
+            trial("pilot", *laps_of(9.0)),
+        ]
+    )
+    net, pilot = table.rows
+    assert (net.collisions, pilot.collisions) == (3, 0)
+    assert (net.inference_p50_ms, net.inference_p99_ms, net.inference_source) == (6.04, 9.1, speed.source)
+    assert pilot.inference_p95_ms is None
+    text = as_text(table).splitlines()
+    assert text[0].endswith("Collisions  Inference (ms)")
+    assert text[2].endswith(" 3       6.0 / 8.0")
+    assert text[3].endswith(" 0               -")
+    assert as_latex(table).count(" & 8.0 ") == 1
+    assert "Inference" not in as_text(result_table(PAPER)) + as_latex(result_table(PAPER))
+
+
+def test_a_group_has_its_heading_in_every_form() -> None:
+    """Above the text, as a comment in LaTeX, in a cell of each row in CSV and JSON."""
+    table = result_table([trial("a", *laps_of(9.0))], conditions="track 'x', in simulation")
+    assert as_text(table).splitlines()[:2] == ["track 'x', in simulation", ""]
+    assert as_latex(table).splitlines()[0] == "% track 'x', in simulation"
+    assert json.loads(as_json_lines(table))["conditions"] == "track 'x', in simulation"
 
 
 LAPS = st.lists(
