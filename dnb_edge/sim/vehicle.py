@@ -7,6 +7,7 @@ Formulas: Rajamani, Vehicle Dynamics and Control, section 2.2 (kinematic bicycle
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from dnb_edge.sim.control import VehicleState
@@ -125,3 +126,15 @@ def _steered(settings: VehicleSettings, now_rad: float, wanted_rad: float, step_
     turn = (wanted - now_rad) * (1.0 - math.exp(-step_s / settings.steering_lag_s))
     most = settings.steering_rate_rps * step_s
     return now_rad + min(max(turn, -most), most)
+
+
+def halved(step_s: float, holds: Callable[[float], bool]) -> float:
+    """The instant of a step up to which `holds` is true, and from which on it is not: halved to the last bits."""
+    low, high = 0.0, step_s
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if holds(middle):
+            low = middle
+        else:
+            high = middle
+    return high
