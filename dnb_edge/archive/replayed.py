@@ -103,16 +103,18 @@ def replay(
     tell_running: bool = False,
     unfinished: bool = False,
     compact: bool = False,
+    read: RecordedRun | None = None,
 ) -> Replayed:
     """Races the recording at `path` again, under the setup that `changed` makes of the recorded one, or under that itself.
 
     With `tell_running` its events are all that the live run said; without, they lack the running laps, which take a fifth of
     the time and change nothing else. `unfinished`: what is there of a recording that is still being written, or was cut short.
     `compact`: observations in little room and no targets, so that a day of them fits in memory; not where there are edits.
+    `read`: the recording as `read_run` gives it, where it is there already.
 
     Raises `InputError` where it or, if wanted, the file of a judge's edits beside it cannot be read, and what `changed` raises.
     """
-    run = read_run(path, keep_detections=True, tolerate_damage=unfinished)
+    run = read if read is not None else read_run(path, keep_detections=True, tolerate_damage=unfinished)
     try:
         setup = CoreSetup.from_dict(run.header.setup["core"])
         calibration = dict(run.header.setup["calibration"])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +15,21 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from dnb_edge import wire
-from dnb_edge.archive.rescore_lines import lines_px, other_track, parse_line_options, with_lines
+from dnb_edge.archive.rescore_lines import Place, lines_px, other_track, parse_line_options, with_lines
 from dnb_edge.config.faults import explain
 from dnb_edge.config.load import START_MODE, parse_override, set_key
 from dnb_edge.config.rules import SECTIONS, RuleSet, load_rule_set, with_rules
 from dnb_edge.config.schema import Crossing, Format, Laps, Motion, Penalties, Scoring, Start
 from dnb_edge.config.sections import STRICT, to_settings
 from dnb_edge.config.text import KeyPath
+from dnb_edge.config.track_file import load_track
 from dnb_edge.core import CoreSetup
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
 from dnb_edge.race.rules import FormatRules, LapRules, PenaltyRules, Ranking, StartRules, check_together
 from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.track.model import Track
 from dnb_edge.values import Points
 
 _PARTS: dict[str, tuple[str, type]] = {
@@ -41,7 +43,7 @@ _PARTS: dict[str, tuple[str, type]] = {
 }
 """Section of the configuration: the setup's member that it makes, and of what kind."""
 
-_KEPT = ("laps", "car_length_m", "car_width_m")
+_KEPT = ("laps", "car_length_m", "car_width_m", "obstacles")
 """Keys of `race` that are of the run, not of its rules: another rule set leaves them unless it gives them itself."""
 
 
@@ -73,26 +75,49 @@ class Wanted:
         """What makes the setup of `recording` what is wanted; None where nothing is to be changed."""
         if self == Wanted():
             return None
-        return lambda setup: changed(setup, self, recording)
+        return lambda setup: changed(setup, self.loaded(), recording)
+
+    def loaded(self) -> Loaded:
+        """The same with all files read. Raises `InputError` naming the option or the file that is wrong by itself."""
+        return Loaded(
+            rules=None if self.rules is None else load_rule_set(self.rules),
+            track=None if self.track is None else (self.track, load_track(self.track)),
+            lines=parse_line_options(self.lines),
+            overrides=tuple(self.overrides),
+        )
 
 
-def changed(setup: CoreSetup, wanted: Wanted, recording: Path) -> CoreSetup:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loaded:
+    """What is to be changed, without a file left to read: it can be sent to another machine."""
+
+    rules: RuleSet | None = None
+    track: tuple[Path, Track] | None = None
+    """With the file that it is from, for messages."""
+    lines: Mapping[str, Place] = field(default_factory=dict)
+    overrides: Sequence[str] = ()
+
+    def with_overrides(self, overrides: Sequence[str]) -> Loaded:
+        """The same with other single keys."""
+        return replace(self, overrides=tuple(overrides))
+
+
+def changed(setup: CoreSetup, wanted: Loaded, recording: Path) -> CoreSetup:
     """`setup` with another track, then other lines on it, then other rules, then single keys.
 
     Raises `InputError`, one line, where lines, rules or keys are wrong or do not fit the recording.
     """
     track = setup.track
     if wanted.track is not None:
-        track = other_track(track, wanted.track, recording)
+        track = other_track(track, *wanted.track, recording)
     if wanted.lines:
-        track = with_lines(track, parse_line_options(wanted.lines))
+        track = with_lines(track, wanted.lines)
     setup = replace(setup, track=track)
     if wanted.rules is None and not wanted.overrides:
         return setup
     data = {name: wire.to_dict(getattr(setup, member)) for name, (member, _) in _PARTS.items()}
-    rules = None
-    if wanted.rules is not None:
-        rules = load_rule_set(wanted.rules)
+    rules = wanted.rules
+    if rules is not None:
         data |= _under(rules, data, dict(map(parse_override, wanted.overrides)).get(START_MODE))
         setup = replace(setup, rules=rules.name, rules_version=rules.version)
     return _with_sections(setup, data, wanted.overrides, rules)

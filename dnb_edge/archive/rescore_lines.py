@@ -15,7 +15,6 @@ import numpy as np
 
 from dnb_edge.archive.coordinates import numbers, point
 from dnb_edge.config.text import parse_lines
-from dnb_edge.config.track_file import load_track
 from dnb_edge.errors import InputError
 from dnb_edge.race.sectors import check_lines
 from dnb_edge.track.build import LinePx
@@ -146,9 +145,8 @@ def _drawn(track: Track, name: str, place: Place) -> DirectedLine | None:
     return line_across(route, s_m, name=name, margin_m=sum(route.half_widths_at(s_m)) / 4)
 
 
-def other_track(recorded: Track, path: Path, recording: Path) -> Track:
-    """The track in the file `path`. Raises `InputError` where the recording is of another one."""
-    track = load_track(path)
+def other_track(recorded: Track, path: Path, track: Track, recording: Path) -> Track:
+    """`track`, which is from the file `path`. Raises `InputError` where the recording is of another one."""
     scale, was = track.scale, recorded.scale
     if scale.height_px != was.height_px or not math.isclose(scale.metres_per_px, was.metres_per_px, rel_tol=1e-6):
         raise InputError(
