@@ -35,9 +35,7 @@ class OnnxDriver:
 
     def start(self, briefing: Briefing) -> None:
         """Settles the picture's size, which a model may leave open, and runs once. Raises `DriverFailed`."""
-        given = self._model.inputs[0]
-        is_open = not all(isinstance(side, int) for side in given.shape[1:])
-        self._picture = picture_input(self._model, briefing.picture_px if is_open else None)
+        self._picture = picture_input(self._model, _size_px(self._model, briefing.picture_px))
         # A network may fail on the size that it said it takes: better now than in the first bend.
         self._answer(np.zeros(self._picture.shape, dtype=self._picture.kind), 0.0)
 
@@ -79,10 +77,9 @@ def open_onnx_driver(path: Path, *, name: str | None = None, threads: int = 1) -
 def _check(model: Model) -> str | None:
     """The name of the speed's input, None where it has none. Raises InputError where something does not fit."""
     has = "; ".join(one.words for one in model.inputs) or "none"
-    is_open = model.inputs and not all(isinstance(side, int) for side in model.inputs[0].shape[1:])
     try:
-        # Any size stands for one that is settled when the vehicle's camera is known.
-        picture = picture_input(model, _some_size(model) if is_open else None)
+        # Any size stands for the one of a vehicle's camera, which is known at the start.
+        picture = picture_input(model, _size_px(model, (160, 120)))
     except InputError as fault:
         raise InputError(f"{model.path}: no driver: its inputs are {has}; wanted {INPUTS_WANTED}") from fault
     speed = model.inputs[1] if len(model.inputs) == 2 else None
@@ -96,13 +93,16 @@ def _check(model: Model) -> str | None:
     return None if speed is None else speed.name
 
 
-def _some_size(model: Model) -> tuple[int, int]:
-    """A size that the sides which are not open agree with."""
-    shape = model.inputs[0].shape
+def _size_px(model: Model, picture_px: tuple[int, int]) -> tuple[int, int] | None:
+    """Width and height that the model takes; sides that it leaves open are the picture's. None where it takes no picture."""
+    shape = model.inputs[0].shape if model.inputs else ()
     if len(shape) != 4:
-        return (1, 1)
+        return None
     height, width = shape[2:] if shape[1] in (1, 3) else shape[1:3]
-    return (width if isinstance(width, int) else 160, height if isinstance(height, int) else 120)
+    return (
+        width if isinstance(width, int) else picture_px[0],
+        height if isinstance(height, int) else picture_px[1],
+    )
 
 
 def _fits(shape: tuple[int | str | None, ...], kind: str, numbers: int) -> bool:

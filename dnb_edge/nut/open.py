@@ -51,7 +51,7 @@ class Named:
         self.driver.close()
 
 
-def open_driver(word: str, *, patience: Patience = PATIENCE) -> Driver:  # noqa: ARG001 for those to come
+def open_driver(word: str, *, patience: Patience = PATIENCE) -> Driver:
     """The driver that `word` means, not started; `NAME=WORD` gives it another name in tables.
 
     Each call gives a driver of its own. Raises InputError, in one line with what to do, for a word that means none, a model
@@ -59,15 +59,24 @@ def open_driver(word: str, *, patience: Patience = PATIENCE) -> Driver:  # noqa:
     """
     named = _NAMED.fullmatch(word)
     if named is not None:
-        return Named(named[1], _opened(named[2]))
-    return _opened(word)
+        return Named(named[1], _opened(named[2], patience))
+    return _opened(word, patience)
 
 
-def _opened(word: str) -> Driver:
+def _opened(word: str, patience: Patience) -> Driver:
+    kind, _, rest = word.partition(":")
     if word in SHIPPED:
         module, maker = SHIPPED[word]
         made: Driver = getattr(import_module(f"dnb_edge.nut.{module}"), maker)()
         return made
+    if kind == "python":
+        from dnb_edge.nut.function import open_function  # noqa: PLC0415 each kind when it is asked for
+
+        return open_function(rest, patience)
+    if kind in {"tcp", "unix", "exec"}:
+        from dnb_edge.nut.process import open_process  # noqa: PLC0415 each kind when it is asked for
+
+        return open_process(kind, rest, patience)
     if word.lower().endswith(".onnx"):
         from dnb_edge.nut.model import open_onnx_driver  # noqa: PLC0415 each kind when it is asked for
 
