@@ -33,6 +33,10 @@ TIMEOUT_S = 5.0
 READ_BYTES = 64 * 1024
 
 
+class Silence(TemporaryFault):
+    """Nothing came in time; the line is as it was."""
+
+
 class Caller:
     """Connected to the daemon at `path` until it is closed. For one thread."""
 
@@ -97,7 +101,8 @@ class Caller:
     def hear(self, *, deadline_s: float | None = None) -> FromDaemon:
         """The next message, up to `deadline_s` of the monotonic clock (by default so long from now as a call may take).
 
-        Raises `TemporaryFault` where none comes, `WorkError` where what comes is none.
+        Raises `Silence`, a `TemporaryFault`, where none comes, `TemporaryFault` where the daemon has gone, `WorkError` where
+        what comes is none.
         """
         deadline_s = time.monotonic() + self._timeout_s if deadline_s is None else deadline_s
         while True:
@@ -127,7 +132,7 @@ class Caller:
         """Reads what has come, or waits for it."""
         left_s = deadline_s - time.monotonic()
         if left_s <= 0:
-            raise TemporaryFault(f"{self._path}: dnb-edge does not answer in time")
+            raise Silence(f"{self._path}: dnb-edge does not answer in time")
         try:
             self._socket.settimeout(left_s)
             said = self._socket.recv(READ_BYTES)
@@ -138,5 +143,6 @@ class Caller:
         self._said += said
 
     def _gone(self, error: OSError) -> TemporaryFault:
-        why = "dnb-edge does not answer in time" if isinstance(error, TimeoutError) else "dnb-edge has gone"
-        return TemporaryFault(f"{self._path}: {why}")
+        if isinstance(error, TimeoutError):
+            return Silence(f"{self._path}: dnb-edge does not answer in time")
+        return TemporaryFault(f"{self._path}: dnb-edge has gone")
