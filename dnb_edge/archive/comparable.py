@@ -1,4 +1,4 @@
-"""Whether recordings may stand in one table: the same track, the same direction, the same rules, and which calibration.
+"""Whether recordings may stand in one table: the same track, direction, rules and task, and which calibration.
 
 Knows conditions; knows no lap.
 """
@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dnb_edge.archive.trials import Raced
+from dnb_edge.archive.trials import USUAL_TASK, Raced
 from dnb_edge.config.rules import SECTIONS
 from dnb_edge.errors import InputError
 from dnb_edge.record.identity import rules_of
+from dnb_edge.report.table import printable
 from dnb_edge.track.model import Track
 
 _SAME_M = 1e-4
@@ -27,14 +29,17 @@ _SAME_ROUTE_M = 0.05
 """A route that lies nowhere further from another is that one, maybe the other way round."""
 
 
-def check_comparable(runs: Sequence[Raced]) -> tuple[str, ...]:
-    """Warnings about runs that may be compared with care. Raises `InputError` naming two recordings and what differs.
+def check_comparable(runs: Sequence[Raced], *, advice: str = "") -> tuple[str, ...]:
+    """Warnings about runs that may be compared with care. Raises `InputError` naming two recordings and what differs, with
+    `advice` at its end.
 
     Neither depends on the order of `runs`.
     """
-    ordered = sorted(runs, key=lambda run: str(run.path))
+    ordered = _ordered(runs)
     for run in ordered[1:]:
-        _check_pair(ordered[0], run)
+        found = _difference(ordered[0], run)
+        if found is not None:
+            raise InputError(f"{ordered[0].path} and {run.path}: {found.text}: {found.remedy}{advice}")
     sessions: dict[str | None, Raced] = {}
     for run in ordered:
         known = sessions.setdefault(run.session, run)
@@ -53,16 +58,72 @@ def check_comparable(runs: Sequence[Raced]) -> tuple[str, ...]:
     return (f"{first.path} and {other.path}: different calibrations {digests}: {told}",)
 
 
-def _check_pair(one: Raced, other: Raced) -> None:
-    where = f"{one.path} and {other.path}"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Recordings under the same conditions."""
+
+    conditions: str
+    """What they are, on one line; no two groups have the same."""
+    runs: tuple[Raced, ...]
+
+
+def grouped(runs: Sequence[Raced]) -> tuple[Group, ...]:
+    """`runs` in groups of which each may stand in one table, the same whatever their order.
+
+    Each is named by its track, task and rules.
+    """
+    members: list[list[Raced]] = []
+    for run in _ordered(runs):
+        group = next((group for group in members if _difference(group[0], run) is None), None)
+        if group is None:
+            members.append([run])
+        else:
+            group.append(run)
+    named: dict[str, list[Raced]] = {}
+    for group in members:
+        title = _title(group)
+        if title in named:
+            unlike = _difference(named[title][0], group[0])
+            assert unlike is not None, "else it were one group"
+            title += f" (group {sum(other.startswith(title) for other in named) + 1}: {unlike.text})"
+        named[title] = group
+    return tuple(Group(conditions=title, runs=tuple(named[title])) for title in sorted(named))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Difference:
+    text: str
+    remedy: str
+
+
+def _ordered(runs: Sequence[Raced]) -> list[Raced]:
+    return sorted(runs, key=lambda run: str(run.path))
+
+
+def _difference(one: Raced, other: Raced) -> _Difference | None:
+    """Why two recordings are not to be compared; None where they are."""
     if one.identity.track != other.identity.track and not _same_track(one.setup.track, other.setup.track):
-        raise InputError(
-            f"{where}: {_track_difference(one.setup.track, other.setup.track)}: compare one track at a time"
-        )
+        text = _track_difference(one.setup.track, other.setup.track)
+        return _Difference(text=text, remedy="compare one track at a time")
+    if one.task != other.task:
+        text = f"different tasks ({one.task} and {other.task})"
+        return _Difference(text=text, remedy="compare one task at a time")
     rules = rules_of(one.setup), rules_of(other.setup)
     if rules[0] != rules[1]:
         key, first, second = _rule_difference(*rules)
-        raise InputError(f"{where}: different rules, {key} is {first} and {second}: score both by one {_remedy(key)}")
+        text = f"different rules, {key} is {first} and {second}"
+        return _Difference(text=text, remedy=f"score both by one {_remedy(key)}")
+    return None
+
+
+def _title(runs: Sequence[Raced]) -> str:
+    """The conditions of comparable runs: track with its length, task, rules, and whether nobody really drove."""
+    run = runs[0]
+    track = run.setup.track
+    task = "" if run.task == USUAL_TASK else f", {printable(run.task)}"
+    world = ", in simulation" if all(trial.simulated for one in runs for trial in one.trials) else ""
+    rules = f"rules {printable(run.setup.rules)} {run.setup.rules_version}"
+    return f"Track {printable(track.name)!r} ({track.centreline.length_m:.2f} m){task}{world}, {rules}"
 
 
 def _same_track(one: Track, other: Track) -> bool:

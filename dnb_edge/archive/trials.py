@@ -5,14 +5,23 @@ Knows who drove which car; knows nothing of means.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 from dnb_edge.archive.replayed import Replayed
 from dnb_edge.core import CoreSetup
 from dnb_edge.record.identity import Identity, identity_of
 from dnb_edge.report.table import Trial
-from dnb_edge.values import EntryInfo, Lap, Standings
+from dnb_edge.values import Clock, EntryInfo, Event, Incident, IncidentKind, Lap, Standings
+
+USUAL_TASK = "lane-following"
+"""What a run is about that names no task: to follow the lane, in reality as in simulation."""
+
+_LOOP = "loop"
+"""Scheme of the URI of a closed-loop drive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +33,8 @@ class Raced:
     setup: CoreSetup
     identity: Identity
     trials: tuple[Trial, ...]
+    task: str = USUAL_TASK
+    """What was asked of the driver."""
     warnings: tuple[str, ...] = ()
     """What a reader of the figures must know, a sentence each."""
 
@@ -34,7 +45,7 @@ def raced(replayed: Replayed) -> Raced:
     identity = identity_of(replayed.setup)
     warm_up = replayed.setup.format.warm_up_laps
     laps = [event for event in replayed.events if isinstance(event, Lap) and event.number > warm_up]
-    dnf = _dnf(replayed)
+    dnf, hits = _dnf(replayed), _collisions(replayed.events, warm_up)
     driver = replayed.header.driver
     alone = Trial(
         entry=driver,
@@ -45,6 +56,8 @@ def raced(replayed: Replayed) -> Raced:
         track=identity.track,
         calibration=identity.calibration,
         rules=identity.rules,
+        simulated=replayed.header.source.clock is Clock.SIMULATED,
+        collisions=hits.get(1, 0),
     )
     names = {number: car.name for number, car in enumerate(replayed.setup.cars, start=1)}
     cars = sorted({lap.car for lap in laps} | set(dnf) | set(names))
@@ -56,6 +69,7 @@ def raced(replayed: Replayed) -> Raced:
                 entry=_driver_of(driver, number, names.get(number)),
                 laps=tuple(lap for lap in laps if lap.car == number),
                 dnf=dnf.get(number),
+                collisions=hits.get(number, 0),
             )
             for number in cars
         )
@@ -65,7 +79,44 @@ def raced(replayed: Replayed) -> Raced:
         setup=replayed.setup,
         identity=identity,
         trials=trials,
+        task=_task(replayed.header.source.uri),
         warnings=replayed.warnings,
+    )
+
+
+def told_apart(runs: Sequence[Raced]) -> list[Raced]:
+    """The same runs, with as much of their paths in their trials' names as tells recordings of one file name apart."""
+    names = dict(zip((run.path for run in runs), _short_names([run.path for run in runs]), strict=True))
+    return [replace(run, trials=tuple(replace(trial, run=names[run.path]) for trial in run.trials)) for run in runs]
+
+
+def _short_names(paths: Sequence[Path]) -> list[str]:
+    """For each path the file name, with as many of its folders before it as no other path ends in."""
+    whole = [path.resolve().parts for path in paths]
+    takes = dict.fromkeys(whole, 1)
+    alike = Counter(parts[-1:] for parts in takes)
+    while doubled := [parts for parts, take in takes.items() if alike[parts[-take:]] > 1]:
+        for parts in doubled:
+            takes[parts] += 1
+        alike = Counter(parts[-take:] for parts, take in takes.items())
+    return ["/".join(parts[-takes[parts] :]) for parts in whole]
+
+
+def _task(uri: str) -> str:
+    """The task of a closed-loop drive, which its URI names; the usual one for all other sources."""
+    parts = urlsplit(uri)
+    named = parse_qs(parts.query).get("task") if parts.scheme == _LOOP else None
+    return named[0] if named else USUAL_TASK
+
+
+def _collisions(events: Iterable[Event], warm_up: int) -> Counter[int]:
+    """How often each car hit something, but in warm-up laps."""
+    return Counter(
+        event.car
+        for event in events
+        if isinstance(event, Incident)
+        and event.kind is IncidentKind.COLLISION
+        and (event.lap is None or event.lap > warm_up)
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +11,15 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from dnb_edge.archive.comparable import check_comparable
+from dnb_edge.archive.bench_cards import cards_beside, cards_named, with_cards
+from dnb_edge.archive.comparable import Group, check_comparable, grouped
 from dnb_edge.archive.replayed import replay
 from dnb_edge.archive.rescore import Wanted
-from dnb_edge.archive.trials import Raced, raced
+from dnb_edge.archive.trials import Raced, raced, told_apart
 from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.cli.results import Runs, recordings
 from dnb_edge.record.chain import continued
-from dnb_edge.report.table import RowsBy, result_table
+from dnb_edge.report.table import ResultTable, RowsBy, result_table
 from dnb_edge.report.table_files import as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex
 from dnb_edge.report.table_text import as_text
@@ -56,20 +58,47 @@ def table(
         list[str] | None,
         typer.Option("--set", help="One value of a key for all, such as race.min_lap_s=3. May be given several times."),
     ] = None,
+    group: Annotated[
+        bool,
+        typer.Option("--group", help="Runs under other conditions (track, task, rules) are groups, not refused."),
+    ] = False,
+    bench: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="An entry's benchmark (`dnb-edge nut bench`), or a directory of them. Default: those beside the recordings.",
+            metavar="FILE|DIR",
+        ),
+    ] = None,
     edits: WithEdits = True,
 ) -> None:
-    """Print the paper's Table I for any set of runs: entry, path similarity, completion time, and who is alike.
+    """Print the paper's Table I for any set of runs, real or simulated: entry, path similarity, completion time, who is alike.
 
-    Runs on other tracks, in another direction or under other rules are refused; --rules or --set scores all by the same ones.
-    Where an entry has several runs, each run counts alike. See docs/trials.md for what the intervals mean.
+    Runs on other tracks, in another direction, under other rules or with another task are refused, or with --group told in
+    groups of their own; --rules or --set scores all by the same ones. Where an entry has several runs, each run counts alike.
+    See docs/trials.md for what the figures mean.
     """
     found = _raced(runs, Wanted(rules=rules, overrides=tuple(overrides or ())), edits=edits)
+    cards = cards_named(bench) if bench else cards_beside(run.path for run in found)
+    found, warnings = with_cards(told_apart(found), cards)
+    told = [*warnings, *(f"{run.path}: {warning}" for run in found for warning in run.warnings)]
+    groups = grouped(found) if group else (Group(conditions="", runs=tuple(found)),)
+    advice = "" if group else ", or tell them in groups with --group"
+    told = [warning for one in groups for warning in check_comparable(one.runs, advice=advice)] + told
     console = Console(stderr=True, markup=False)
-    told = (f"{run.path}: {warning}" for run in found for warning in run.warnings)
-    for warning in (*check_comparable(found), *told):
+    for warning in told:
         console.print(f"dnb-edge: {warning}", highlight=False, soft_wrap=True)
-    made = result_table((trial for run in found for trial in run.trials), by)
-    typer.echo(_WRITERS[TableFormat.JSON if as_json else form](made).rstrip("\n"))
+    tables = [
+        result_table((trial for run in one.runs for trial in run.trials), by, conditions=one.conditions or None)
+        for one in groups
+    ]
+    typer.echo(_written(tables, TableFormat.JSON if as_json else form))
+
+
+def _written(tables: Sequence[ResultTable], form: TableFormat) -> str:
+    """All tables as one text: rows of all groups together where a program reads it, else one table below the other."""
+    if form in {TableFormat.CSV, TableFormat.JSON}:
+        tables = [ResultTable(rows=tuple(row for table in tables for row in table.rows), notes=())]
+    return "\n\n".join(_WRITERS[form](table).rstrip("\n") for table in tables)
 
 
 def _raced(runs: list[Path], wanted: Wanted, *, edits: bool) -> list[Raced]:

@@ -14,6 +14,7 @@ from enum import StrEnum
 from typing import Any, Protocol
 
 from dnb_edge.report.entrants import Entrant, OrderKey, labels, order_key
+from dnb_edge.report.inference import Inference, told_inference
 from dnb_edge.report.table_compare import FigureOrder, alike_notes, by_means, by_shares, order_note
 from dnb_edge.score.compare import Estimate, Sample, estimate
 from dnb_edge.score.share import Share, Tally, share
@@ -30,17 +31,6 @@ class Attempt(Protocol):
     @property
     def laps(self) -> Sequence[Lap]:
         """All laps, valid or not."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inference:
-    """How long a network under test takes for one picture, milliseconds."""
-
-    p50_ms: float
-    p95_ms: float
-    p99_ms: float
-    source: str
-    """Where the figures are from, such as the machine that a benchmark ran on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +53,9 @@ class Trial:
     collisions: int = 0
     """Of the car, with what stood in its way."""
     inference: Inference | None = None
-    """Of the network that drove; None for people and where nobody measured it."""
+    """Of the network that drove, as a benchmark measured it; None for people and where nobody did."""
+    told_inference_ms: tuple[float, ...] = ()
+    """What the vehicle said of itself in the run, picture by picture."""
 
     @property
     def entrant(self) -> Entrant:
@@ -280,6 +272,8 @@ def _row(
     best = min(valid, key=lambda lap: (official_s(lap), lap.sigma_s), default=None)
     entry = trials[0].entry
     inference = next((trial.inference for trial in trials if trial.inference is not None), None)
+    if inference is None:
+        inference = told_inference(time_ms for trial in trials for time_ms in trial.told_inference_ms)
     interval_over = None
     if time is not None and time.error is not None:
         interval_over = "runs" if time.runs > 1 else "laps"

@@ -11,7 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from dnb_edge.report.table import Inference, ResultTable, RowsBy, Trial, entry_rows, printable, result_table
+from dnb_edge.report.inference import Inference
+from dnb_edge.report.table import ResultTable, RowsBy, Trial, entry_rows, printable, result_table
 from dnb_edge.report.table_files import COLUMNS, as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex, escaped
 from dnb_edge.report.table_text import INTERVALS, as_text
