@@ -41,19 +41,39 @@ class FrontMount:
     hfov_rad: float = math.radians(100.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrontFloor:
+    """A circuit's floor as the front camera needs it: from above, in several sizes."""
+
+    levels: tuple[BgrImage, ...]
+    """The floor, and copies of it each half as large as the one before."""
+    track_to_px: NDArray[np.float64]
+    """(3, 3) track m to px of the first of `levels`."""
+    beyond_bgr: tuple[float, ...]
+    """The floor's colour where nothing was drawn."""
+
+
+def front_floor(circuit: Circuit, seed: int) -> FrontFloor:
+    """The floor of that circuit as `seed` lays it. It takes about half a second."""
+    line = edge_line(circuit, 0.0, 0.02)
+    low, high = line.min(axis=0) - _MARGIN_M, line.max(axis=0) + _MARGIN_M
+    floor = draw_floor(circuit, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])), seed)
+    beyond = tuple(float(value) for value in np.asarray(floor.bgr[:40].mean(axis=(0, 1))))
+    return FrontFloor(levels=_levels(floor.bgr), track_to_px=floor.track_to_px, beyond_bgr=beyond)
+
+
 class FrontCamera:
-    """Pictures from the vehicle, of one circuit; all follow from the seed. Not safe for use by several threads."""
+    """Pictures from the vehicle; all follow from the seed. Not safe for use by several threads."""
 
     def __init__(
         self,
-        circuit: Circuit,
+        floor: FrontFloor,
         obstacles: Sequence[Obstacle],
         *,
         seed: int,
         size_px: tuple[int, int] = (160, 120),
         mount: FrontMount | None = None,
     ) -> None:
-        """Drawing the floor takes about a second."""
         self.mount = mount or FrontMount()
         self.size_px = size_px
         self._seed = seed
@@ -61,12 +81,7 @@ class FrontCamera:
         width, height = size_px
         focal = 0.5 * width / math.tan(0.5 * self.mount.hfov_rad)
         self._matrix = np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
-        line = edge_line(circuit, 0.0, 0.02)
-        low, high = line.min(axis=0) - _MARGIN_M, line.max(axis=0) + _MARGIN_M
-        floor = draw_floor(circuit, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])), seed)
-        self._levels = _levels(floor.bgr)
-        self._to_px = floor.track_to_px
-        self._beyond = tuple(float(value) for value in np.asarray(floor.bgr[:40].mean(axis=(0, 1))))
+        self._floor = floor
         self._bands = self._rows(focal)
         self._sky = self._wall(seed)
         random = np.random.default_rng([seed, 84])
@@ -103,7 +118,7 @@ class FrontCamera:
             # How much floor a px takes in: across it by its distance, along by the slant too. Their mean in proportion.
             across = distance / focal
             seen = across / math.sqrt(math.sin(below))
-            levels.append((row, min(max(round(math.log2(seen / RESOLUTION_M)), 0), len(self._levels) - 1)))
+            levels.append((row, min(max(round(math.log2(seen / RESOLUTION_M)), 0), len(self._floor.levels) - 1)))
         bands: list[tuple[int, int, int]] = []
         for row, level in levels:
             if bands and bands[-1][2] == level:
@@ -139,15 +154,15 @@ class FrontCamera:
         shrink = 1.0 / (1 << level)
         # Pixel centres: px u of the large floor lies at (u + 0.5) * shrink - 0.5 of the small one.
         smaller = np.array([[shrink, 0.0, 0.5 * shrink - 0.5], [0.0, shrink, 0.5 * shrink - 0.5], [0.0, 0.0, 1.0]])
-        back = smaller @ self._to_px @ np.linalg.inv(shift @ h)
+        back = smaller @ self._floor.track_to_px @ np.linalg.inv(shift @ h)
         cv2.warpPerspective(
-            self._levels[level],
+            self._floor.levels[level],
             back,
             (rows.shape[1], rows.shape[0]),
             dst=rows,
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_CONSTANT,
-            borderValue=self._beyond,
+            borderValue=self._floor.beyond_bgr,
         )
 
     def _far_to_near(self, position: NDArray[np.float64]) -> list[int]:
@@ -169,6 +184,8 @@ class FrontCamera:
         low = np.column_stack(
             (x + thing.radius_m * np.cos(angles), y + thing.radius_m * np.sin(angles), np.zeros(_STRIPS + 1))
         )
+        foot = np.column_stack((low[:, :2] + 0.15 * (low[:, :2] - np.array([x, y])), low[:, 2]))
+        self._fill(picture, (foot - position) @ rotation.T, np.array([42.0, 42.0, 42.0]))
         high = low + np.array([0.0, 0.0, thing.height_m])
         for k in range(_STRIPS):
             middle = 0.5 * (angles[k] + angles[k + 1])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from dnb_edge.sim.camera import PinholeCamera
 from dnb_edge.sim.circuit import Circuit
 from dnb_edge.sim.control import Briefing, Control, Driver, Sight, VehicleState
 from dnb_edge.sim.driver import Pose
-from dnb_edge.sim.front_camera import OBSTACLE_BGR, FrontCamera
+from dnb_edge.sim.front_camera import OBSTACLE_BGR, FrontCamera, FrontFloor, front_floor
 from dnb_edge.sim.light import light_of
 from dnb_edge.sim.places import place
 from dnb_edge.sim.renderer import Renderer
@@ -160,7 +160,9 @@ class World:
 
     @cached_property
     def _front(self) -> FrontCamera:
-        return FrontCamera(self.circuit, self.task.obstacles, seed=self.task.seed, size_px=self.task.front_size_px)
+        task = self.task
+        floor = _floor(task.place, task.seed)
+        return FrontCamera(floor, task.obstacles, seed=task.seed, size_px=task.front_size_px)
 
     def _begin_step(self, state: VehicleState) -> Arc:
         """The step from `state` on, up to where it leads against something."""
@@ -209,3 +211,9 @@ class World:
 
     def _clear(self, arc: Arc, number: int, elapsed_s: float) -> bool:
         return self._gap_m(arc.state(elapsed_s), number) >= 0.0
+
+
+@lru_cache(maxsize=2)
+def _floor(place_name: str, seed: int) -> FrontFloor:
+    """Kept, since several drivers drive one task one after the other."""
+    return front_floor(place(place_name).circuit, seed)
