@@ -13,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.nut.driving_line import STEP_M, Pace, driving_line
-from dnb_edge.nut.pursuit import BackAway, PurePursuit, TurnRound, foreseen
+from dnb_edge.nut.foresight import foreseen
+from dnb_edge.nut.pursuit import PurePursuit
+from dnb_edge.nut.recovery import BackAway, TurnRound
 from dnb_edge.sim.car import WIDTH_M
 from dnb_edge.sim.circuit import Circuit, demo_circuit
 from dnb_edge.sim.control import Control, DriverFailed, Obstacle, Sight
