@@ -6,13 +6,14 @@ Knows who drove which car; knows nothing of means.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 from dnb_edge.archive.replayed import Replayed
 from dnb_edge.core import CoreSetup
+from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import Identity, identity_of
 from dnb_edge.report.table import Trial
 from dnb_edge.values import Clock, EntryInfo, Event, Incident, IncidentKind, Lap, Standings
@@ -39,9 +40,10 @@ class Raced:
     """What a reader of the figures must know, a sentence each."""
 
 
-def raced(replayed: Replayed) -> Raced:
+def raced(replayed: Replayed, told_ms: Mapping[int, Sequence[float]] | None = None) -> Raced:
     """The trials of one recording, without warm-up laps: a car that its setup names is an entry of that name; the only car is
-    the run's entry."""
+    the run's entry. `told_ms`: inference times that vehicles told, by car."""
+    told = told_ms or {}
     identity = identity_of(replayed.setup)
     warm_up = replayed.setup.format.warm_up_laps
     laps = [event for event in replayed.events if isinstance(event, Lap) and event.number > warm_up]
@@ -57,7 +59,9 @@ def raced(replayed: Replayed) -> Raced:
         calibration=identity.calibration,
         rules=identity.rules,
         simulated=replayed.header.source.clock is Clock.SIMULATED,
+        wanted_laps=_wanted_laps(replayed),
         collisions=hits.get(1, 0),
+        told_inference_ms=tuple(told.get(1, ())),
     )
     names = {number: car.name for number, car in enumerate(replayed.setup.cars, start=1)}
     cars = sorted({lap.car for lap in laps} | set(dnf) | set(names))
@@ -70,6 +74,7 @@ def raced(replayed: Replayed) -> Raced:
                 laps=tuple(lap for lap in laps if lap.car == number),
                 dnf=dnf.get(number),
                 collisions=hits.get(number, 0),
+                told_inference_ms=tuple(told.get(number, ())),
             )
             for number in cars
         )
@@ -79,7 +84,7 @@ def raced(replayed: Replayed) -> Raced:
         setup=replayed.setup,
         identity=identity,
         trials=trials,
-        task=_task(replayed.header.source.uri),
+        task=_task(replayed.header),
         warnings=replayed.warnings,
     )
 
@@ -102,11 +107,22 @@ def _short_names(paths: Sequence[Path]) -> list[str]:
     return ["/".join(parts[-takes[parts] :]) for parts in whole]
 
 
-def _task(uri: str) -> str:
-    """The task of a closed-loop drive, which its URI names; the usual one for all other sources."""
-    parts = urlsplit(uri)
-    named = parse_qs(parts.query).get("task") if parts.scheme == _LOOP else None
-    return named[0] if named else USUAL_TASK
+def _is_loop(header: RunHeader) -> bool:
+    return urlsplit(header.source.uri).scheme == _LOOP
+
+
+def _task(header: RunHeader) -> str:
+    """The task of a closed-loop drive, as its session or else its URI names it; the usual one for all other sources."""
+    if not _is_loop(header):
+        return USUAL_TASK
+    kinds = parse_qs(urlsplit(header.source.uri).query).get("task")
+    return header.session or (kinds[0] if kinds else USUAL_TASK)
+
+
+def _wanted_laps(replayed: Replayed) -> int | None:
+    """Of a closed-loop drive, without warm-up laps."""
+    laps = replayed.setup.laps.laps
+    return laps - replayed.setup.format.warm_up_laps if laps is not None and _is_loop(replayed.header) else None
 
 
 def _collisions(events: Iterable[Event], warm_up: int) -> Counter[int]:

@@ -50,6 +50,8 @@ class Trial:
     rules: str | None = None
     simulated: bool = False
     """True where the car and its camera were computed."""
+    wanted_laps: int | None = None
+    """Laps that the drive was to have, where it ends by itself: what is missing of them failed. None where people end runs."""
     collisions: int = 0
     """Of the car, with what stood in its way."""
     inference: Inference | None = None
@@ -64,9 +66,9 @@ class Trial:
 
     @property
     def attempted_laps(self) -> int:
-        """Complete laps, and the one in which the car's race ended if that is none of them."""
+        """Complete laps, and the one in which the car's race ended if that is none of them; the wanted ones at least."""
         ended_in_one = any(penalty.dnf for lap in self.laps for penalty in lap.penalties)
-        return len(self.laps) + (self.dnf is not None and not ended_in_one)
+        return max(len(self.laps) + (self.dnf is not None and not ended_in_one), self.wanted_laps or 0)
 
 
 class RowsBy(StrEnum):

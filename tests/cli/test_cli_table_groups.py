@@ -18,7 +18,7 @@ from dnb_edge.cli.main import app
 from dnb_edge.errors import InputError
 from dnb_edge.nut.bench_card import BenchCard, ColdStart, Host, Latency, Memory, Spread, WarmUp, card_name, card_text
 from dnb_edge.race.rules import LapRules
-from dnb_edge.values import Clock, Incident, IncidentKind
+from dnb_edge.values import Clock, Incident, IncidentKind, VehicleReport
 
 STEADY = Car((2.5, 2.6, 2.4))
 CLOSE = Car((2.52, 2.45, 2.58))
@@ -102,6 +102,17 @@ def test_seeds_of_a_task_are_one_group_and_tasks_are_not(tmp_path: Path) -> None
     assert ["changing-light" in row["conditions"] for row in rows(one, two, dark, "--group")] == [True, False]
 
 
+def test_laps_that_a_closed_loop_drive_was_to_have_and_had_not_failed(tmp_path: Path) -> None:
+    """Who gets stuck before the first lap ends has not driven it; who stops a real run early has failed in nothing."""
+    made = setup(laps=LapRules(laps=5))
+    simulated = record(tmp_path, "1.mcap", STEADY, source=loop("lane-following", 1), made=made)
+    nothing = record(tmp_path, "2.mcap", source=loop("lane-following", 2), made=made)
+    real = record(tmp_path, "3.mcap", STEADY, source=CAMERA, made=made)
+    net, pilot = rows(simulated, nothing, real)[::-1]
+    assert (net["valid_laps"], net["attempted_laps"], net["success_rate"]) == (3, 10, 0.3)
+    assert (pilot["valid_laps"], pilot["attempted_laps"]) == (3, 3)
+
+
 def test_a_calibration_within_a_session_is_refused_in_groups_too(tmp_path: Path) -> None:
     """Groups are for other conditions; a session whose camera was calibrated anew is a mistake."""
     moved = setup(ground=replace(setup().ground, camera_to_twin=(0.4, 0, 0.3, 0, 0.4, 0, 0, 0, 1.0)))
@@ -142,6 +153,27 @@ def test_inference_comes_from_the_cards_beside_the_recordings(tmp_path: Path) ->
     assert found["other"]["inference_source"] == "pi5: Cortex-A76, 4 cores, 1 thread"
     assert "5.0 / 10.0" in table(tmp_path).stdout
     assert table(tmp_path).stderr == ""
+
+
+def test_without_a_card_what_the_vehicle_told_is_shown(tmp_path: Path) -> None:
+    """Over all its runs; of the car that raced, whatever others said; a benchmark's figures come first."""
+    words = [(12.0, 1), (14.0, 1), (None, 1), (99.0, 7)]
+    record(tmp_path, "1.mcap", STEADY, entry=entry("net"), told=[vehicle(k, *word) for k, word in enumerate(words)])
+    record(tmp_path, "2.mcap", CLOSE, entry=entry("net"), told=[vehicle(0, 13.0, 1)])
+    (row,) = rows(tmp_path)
+    assert (row["inference_p50_ms"], row["inference_p99_ms"]) == (13.0, 14.0)
+    assert row["inference_source"] == "told by the vehicle"
+    (first, _) = rows(tmp_path, "--by", "run")
+    assert first["inference_p50_ms"] == 12.0
+    keep(tmp_path, card("net", 5.0))
+    assert rows(tmp_path)[0]["inference_p50_ms"] == 5.0
+
+
+def vehicle(k: int, inference_ms: float | None, car: int) -> VehicleReport:
+    return VehicleReport(
+        t_ns=k + 1, t_s=1e-9, came_ns=k, car=car, seq=k, inference_ms=inference_ms, steering=None, throttle=None,
+        rate_hz=None, missing=0, refused=0,
+    )  # fmt: skip
 
 
 def test_the_newest_card_of_one_machine_counts_and_several_machines_are_told_of(tmp_path: Path) -> None:
