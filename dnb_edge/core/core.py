@@ -73,7 +73,7 @@ class Core:
             self._stamps[found.camera] = replace(self._stamps[found.camera], source=found.stamp_source)
         events: list[Event] = []
         fixes: dict[int, list[Fix]] = {}
-        waiting = set()
+        waiting, elsewhere = set[int](), set[int]()
         for target in self._follower.step(found.t_ns, sightings):
             if not self._is_told(target):
                 continue
@@ -90,9 +90,19 @@ class Core:
             )
             if _is_held(target):
                 waiting.add(seat)
-        events += self._field.frame(found.t_ns, fixes, waiting=waiting)
+            if not seen and not self._shows(found.camera, target.estimate.track_m):
+                elsewhere.add(seat)
+        events += self._field.frame(found.t_ns, fixes, waiting=waiting, elsewhere=elsewhere)
         self._adopt()
         return events
+
+    def _shows(self, camera: int, track_m: PointM) -> bool:
+        """Whether that camera's picture shows a place; an only camera is taken to show all of the track."""
+        if not self._setup.further:
+            return True
+        ground = self._setup.views[camera].ground
+        camera_px = ground.point_to_camera_px(track_m)
+        return camera_px is not None and _is_in_picture(ground, camera_px, margin=0.0)
 
     def _is_told(self, target: Followed) -> bool:
         """Whether a target is one to tell of: a confirmed one, to its end."""
@@ -144,7 +154,7 @@ class Core:
         for expected in self._follower.expected(t_ns):
             camera_px, length_px = ground.point_to_camera_px(expected.track_m), expected.length_px
             if camera_px is not None and self._setup.further:
-                if not _is_in_picture(ground, camera_px):
+                if not _is_in_picture(ground, camera_px, margin=EDGE_SHARE):
                     continue
                 xu, xv, yu, yv = ground.slopes(camera_px)
                 length_px = expected.length_m / math.sqrt(abs(xu * yv - xv * yu))
@@ -176,9 +186,9 @@ class Core:
         )
 
 
-def _is_in_picture(ground: GroundMap, camera_px: PointPx) -> bool:
-    """Whether a point lies in the picture, or so near to it that part of a car there is seen."""
-    margin_px = EDGE_SHARE * ground.width_px
+def _is_in_picture(ground: GroundMap, camera_px: PointPx, *, margin: float) -> bool:
+    """Whether a point lies in the picture, or beside it within `margin`, a share of its width."""
+    margin_px = margin * ground.width_px
     u, v = camera_px
     return -margin_px <= u <= ground.width_px + margin_px and -margin_px <= v <= ground.height_px + margin_px
 

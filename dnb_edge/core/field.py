@@ -77,8 +77,16 @@ class Field:
         """Whether the race is over for every car."""
         return all(entrant.race.finished for entrant in self.entrants)
 
-    def frame(self, t_ns: int, fixes: Mapping[int, Sequence[Fix]], *, waiting: Collection[int]) -> list[Event]:
-        """Takes one frame with the fixes that became known in it; for the seats in `waiting` more may come of this frame."""
+    def frame(
+        self,
+        t_ns: int,
+        fixes: Mapping[int, Sequence[Fix]],
+        *,
+        waiting: Collection[int],
+        elsewhere: Collection[int] = (),
+    ) -> list[Event]:
+        """Takes one frame with the fixes that became known in it; for the seats in `waiting` more may come of this frame, and
+        those `elsewhere` are where its picture does not show them."""
         if self._first_t_ns is None:
             self._first_t_ns = t_ns
         self._t_ns = t_ns
@@ -86,7 +94,9 @@ class Field:
         for seat, entrant in enumerate(self.entrants):
             new = fixes.get(seat, ())
             running = entrant.seen(new)
-            events += self._told(entrant, entrant.race.frame(t_ns, new, more_may_come=seat in waiting))
+            events += self._told(
+                entrant, entrant.race.frame(t_ns, new, more_may_come=seat in waiting, shows=seat not in elsewhere)
+            )
             if self._may_end and seat not in waiting:
                 events += self._told(entrant, entrant.over(self._setup.penalties, t_ns))
             events += [numbered(one, self._number(entrant)) for one in running]

@@ -17,7 +17,7 @@ from dnb_edge.motion.assignment import assign
 from dnb_edge.motion.doubt import are_near, named
 from dnb_edge.motion.regain import along, regained, rejoined, taken_for
 from dnb_edge.motion.settings import MOST_CARS, MotionSettings
-from dnb_edge.motion.target import LIVE, Followed, aged, ahead, born, renamed, seen, shared
+from dnb_edge.motion.target import LIVE, Followed, aged, ahead, born, covariance_beside, renamed, seen, shared
 from dnb_edge.track.centreline import Centreline
 from dnb_edge.values import Observation, PointM, TargetState
 
@@ -298,7 +298,7 @@ def _of_like_size(newcomer: Followed, cars: Sequence[Followed]) -> bool:
 
 def _distance(target: Followed, sighting: Sighting) -> float:
     observation = sighting.observation
-    return kalman.distance_squared(target.estimate, observation.track_m, observation.covariance_m2)
+    return kalman.distance_squared(target.estimate, observation.track_m, covariance_beside(target, observation))
 
 
 def _sharing(

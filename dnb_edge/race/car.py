@@ -100,12 +100,13 @@ class CarRace:
             if len(stamps) == 1 or self.progress.is_next(observation, stamps[observation.camera])
         ]
 
-    def frame(self, t_ns: int, fixes: Sequence[Fix], *, more_may_come: bool) -> list[Passed]:
+    def frame(self, t_ns: int, fixes: Sequence[Fix], *, more_may_come: bool, shows: bool = True) -> list[Passed]:
         """Takes one frame with the fixes that became known in it; returns crossings, incidents and laps in the order of stamps.
 
-        Where `more_may_come` for frames up to this one, no crossing is closed for want of fixes.
+        Where `more_may_come` for frames up to this one, no crossing is closed for want of fixes. `shows`: whether the frame
+        shows where the car is.
         """
-        self.laps.frame(t_ns)
+        self.laps.frame(t_ns, shows=shows)
         for fix in fixes:
             self.laps.fix(fix)
             for line in self.lines:

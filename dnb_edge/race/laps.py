@@ -119,10 +119,11 @@ class LapMachine:
         drafts = [] if self._lap is None else self._lap.so_far(unseen_until_ns)
         return sorted(drafts, key=lambda draft: draft.end_t_ns)
 
-    def frame(self, t_ns: int) -> None:
-        """Says that a frame was looked at, whether the car was seen in it or not."""
+    def frame(self, t_ns: int, *, shows: bool = True) -> None:
+        """Says that a frame was looked at, whether the car was seen in it or not. One that does not show where the car is
+        (`shows`), of another camera than the one it drives under, is none in which it was missed."""
         self._last_t_ns = t_ns
-        if self._over is None:
+        if self._over is None and shows:
             self._frames.append(t_ns)
 
     def fix(self, fix: Fix) -> None:

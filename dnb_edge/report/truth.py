@@ -19,6 +19,7 @@ _FIGURES: dict[str, tuple[str, str]] = {
     "bias_ms": ("bias of laps", "ms"),
     "crossing_bias_ms": ("bias of crossings", "ms"),
     "p95_ms": ("lap error, 95 of 100 below", "ms"),
+    "p95_ratio": ("lap error, 95 of 100 below, against one camera's", "times"),
     "coverage_percent": ("laps whose stated 95 % interval holds the truth", "%"),
     "missed": ("laps missed", ""),
     "phantom": ("laps told that were none", ""),

@@ -35,6 +35,11 @@ class PinholeCamera:
         uvw = ahead @ self.matrix.T
         return np.asarray(uvw[:, :2] / uvw[:, 2:])
 
+    def shows(self, camera_px: Points) -> NDArray[np.bool_]:
+        """Which of the camera px (n, 2) are in the picture, shape (n,)."""
+        u, v = camera_px[:, 0], camera_px[:, 1]
+        return np.asarray((u >= 0) & (u <= self.width_px - 1) & (v >= 0) & (v <= self.height_px - 1))
+
     def floor_homography(self) -> NDArray[np.float64]:
         """(3, 3) H with camera px ~ H (x, y, 1), track m; scaled to H[2, 2] = 1."""
         translation = -self.rotation @ self.position_m

@@ -5,6 +5,7 @@ Knows layouts and mounts by name. Knows no car and no light.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,13 +19,20 @@ from dnb_edge.values import PointM
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Place:
-    """A circuit and the camera that watches it."""
+    """A circuit and the camera, or the cameras, that watch it."""
 
     name: str
     title: str
     """What it is, in a few words."""
     circuit: Circuit
     camera: PinholeCamera
+    further: tuple[PinholeCamera, ...] = ()
+    """The cameras after the first, where one does not see all of the track."""
+
+    @property
+    def cameras(self) -> tuple[PinholeCamera, ...]:
+        """All of them, by their numbers."""
+        return (self.camera, *self.further)
 
 
 _TABLE_M: tuple[PointM, ...] = (
@@ -50,10 +58,10 @@ def figure_eight() -> Circuit:
     return circuit_along(closed_path(knots), start_s_m=1.9, name="figure of eight")
 
 
-def hairpin() -> Circuit:
+def hairpin(start_s_m: float = 0.6) -> Circuit:
     """A long track of 5 m x 2.5 m: straights for 3 m/s and a hairpin between two lanes that lie side by side."""
     line = closed_path(rounded(_HAIRPIN_M, 0.14))
-    return circuit_along(line, start_s_m=0.6, name="hairpin", twin_size_px=(2000, 1000))
+    return circuit_along(line, start_s_m=start_s_m, name="hairpin", twin_size_px=(2000, 1000))
 
 
 def demo_camera(size_px: tuple[int, int] = (1280, 720)) -> PinholeCamera:
@@ -95,6 +103,38 @@ def _hairpin() -> Place:
     return Place(name="hairpin", title=title, circuit=hairpin(), camera=camera)
 
 
+_HALL_LINE_M = 0.0
+"""Where the hall's start line is: in the middle of what both of its cameras see."""
+_HALL_HFOV_DEG = 64.0
+
+
+def _hall_camera(x_m: float, *, pictures: int = 1, yaw_deg: float = 0.0) -> PinholeCamera:
+    """A camera 2.4 m above one side of the hall; `pictures` beside each other make one as wide, with pixels as fine."""
+    hfov_deg = math.degrees(2.0 * math.atan(pictures * math.tan(math.radians(_HALL_HFOV_DEG / 2.0))))
+    return mast_camera(
+        position_m=(x_m, -0.25, 2.4), pitch_deg=60.0, yaw_deg=yaw_deg, hfov_deg=hfov_deg, size_px=(pictures * 1280, 720)
+    )
+
+
+def _hall() -> Place:
+    return Place(
+        name="hall",
+        title="5 m track under two cameras, the line where both see it",
+        circuit=hairpin(_HALL_LINE_M),
+        camera=_hall_camera(1.42, yaw_deg=0.8),
+        further=(_hall_camera(3.58, yaw_deg=-1.2),),
+    )
+
+
+def _hall_wide() -> Place:
+    return Place(
+        name="hall-wide",
+        title="the same track under one camera with pixels as fine, 2560 x 720",
+        circuit=hairpin(_HALL_LINE_M),
+        camera=_hall_camera(2.5, pictures=2),
+    )
+
+
 _PLACES: dict[str, Callable[[], Place]] = {
     "demo": _demo,
     "demo-paper": _demo_paper,
@@ -102,6 +142,8 @@ _PLACES: dict[str, Callable[[], Place]] = {
     "table-paper": _table_paper,
     "eight": _eight,
     "hairpin": _hairpin,
+    "hall": _hall,
+    "hall-wide": _hall_wide,
 }
 PLACES: tuple[str, ...] = tuple(_PLACES)
 """Names of all places."""

@@ -160,7 +160,10 @@ class Rig:
         """Frame number `index`, 0 up to `frames` - 1."""
         if not 0 <= index < self.frames:
             raise IndexError(f"frame {index} of a drive of {self.frames} frames")
-        t_ns = self.t_ns(index)
+        return self.frame_at(self.t_ns(index), index)
+
+    def frame_at(self, t_ns: int, index: int) -> Frame:
+        """The frame that a camera takes at any moment of the drive, as its number `index`."""
         picture = self._renderer.picture(index, *(driven.pose(t_ns * 1e-9) for driven in self._drives))
         if self._disturber is not None:
             picture = self._disturber.apply(picture, index=index, t_s=t_ns * 1e-9)
@@ -195,10 +198,12 @@ class Rig:
 
 
 def border_marks(circuit: Circuit, camera: PinholeCamera, count: int = 8) -> tuple[Points, Points]:
-    """`count` (at least 4) marks on the lane's outer border, as (camera px, twin px), each (count, 2), exact."""
+    """`count` (at least 4) marks on the lane's outer border that the picture shows, as (camera px, twin px), each (count, 2),
+    exact."""
     if count < 4:
         raise ValueError(f"a homography needs at least 4 keypoints, not {count}")
     border = edge_line(circuit, -0.5 * circuit.lane_width_m)
+    border = border[camera.shows(floor_to_camera_px(camera, border))]
     chosen = border[np.arange(count) * len(border) // count]
     return floor_to_camera_px(camera, chosen), circuit.scale.to_twin_px(chosen)
 

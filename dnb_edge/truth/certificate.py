@@ -15,7 +15,7 @@ from dnb_edge.record.header import software_versions
 from dnb_edge.truth.campaign import Plan, chosen_of, code_sha256, model_sha256, scenario_laps
 from dnb_edge.truth.counts import CountCase
 from dnb_edge.truth.figures import LEVELS, scenario_figures
-from dnb_edge.truth.scenarios import DRIVERS, Scenario
+from dnb_edge.truth.scenarios import DRIVERS, HALL, HALL_WIDE, Scenario
 
 FORMAT = 1
 
@@ -43,7 +43,7 @@ def certificate(plan: Plan, results: Results) -> dict[str, Any]:
     full = Plan(seed=plan.seed, laps=FULL_LAPS, rendered_laps=FULL_RENDERED_LAPS, trials=FULL_TRIALS)
     figures = {one["name"]: one["figures"] for one in shown}
     judged = [row for scenario in scenarios for row in _judged(scenario, figures[scenario.name], full)]
-    judged += _rates(scenarios, results, full) + _drivers(figures)
+    judged += _rates(scenarios, results, full) + _drivers(figures) + _hand_over(scenarios, figures, full)
     held = [row["holds"] for row in (*judged, *counts)]
     return {
         "certificate": "dnb-edge accuracy",
@@ -179,6 +179,31 @@ def _rates(scenarios: Sequence[Scenario], results: Results, full: Plan) -> list[
                 value=max(pairs, default=None),
                 laps=len(pairs),
                 wanted_laps=scenario_laps(by_name[one], full),
+            )
+        )
+    return rows
+
+
+def _hand_over(
+    scenarios: Sequence[Scenario], figures: Mapping[str, Mapping[str, Any]], full: Plan
+) -> list[dict[str, Any]]:
+    """What two cameras cost: the 95th percentile of the laps' errors, in that of the same laps under one camera."""
+    rows = []
+    for scenario in scenarios:
+        other = scenario.name.replace(HALL, HALL_WIDE, 1)
+        if scenario.place != HALL or other not in figures:
+            continue
+        two, one = figures[scenario.name]["p95_ms"], figures[other]["p95_ms"]
+        rows.append(
+            _row(
+                name=scenario.name,
+                title=f"{scenario.title}: error against the same laps under one camera",
+                kind=scenario.kind,
+                figure="p95_ratio",
+                bounds=(None, 1.5),
+                value=two / one if two is not None and one else None,
+                laps=figures[scenario.name]["laps"],
+                wanted_laps=scenario_laps(scenario, full),
             )
         )
     return rows

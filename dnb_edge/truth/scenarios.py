@@ -49,6 +49,8 @@ class Scenario:
     drives: str = ""
     """Scenarios of one word here see the same drives; empty for drives of its own."""
     limits: tuple[Limit, ...] = ()
+    clicked_px: float = 0.0
+    """Error of each keypoint of the calibration, one standard deviation, camera px."""
     sweep: bool = False
     """True where it is one point of the table of speeds and rates."""
 
@@ -211,6 +213,25 @@ def _score() -> Iterator[Scenario]:
     )
 
 
+HALL, HALL_WIDE = "hall", "hall-wide"
+"""The scenarios of a track under two cameras, and of the same laps under one with pixels as fine."""
+
+
+def _hall() -> Iterator[Scenario]:
+    """A track larger than one view. Both cameras see the line: nowhere does it matter more that no two maps agree."""
+    base = Scenario(
+        name=HALL, title="5 m track, one target handed over between two cameras", place="hall", fps=30.0,
+        styles=steady(1.06), clicked_px=1.0, share=0.3, drives="hall", limits=_ALL_TOLD,
+    )  # fmt: skip
+    wide = replace(base, name=HALL_WIDE, title="the same laps under one camera", place="hall-wide")
+    for one in (base, wide):
+        yield one
+        yield replace(
+            one, name=one.name + "-rendered", title=one.title + ", rendered", rendered=True, laps_per_drive=5,
+            share=0.1, limits=_ALL_TOLD,
+        )  # fmt: skip
+
+
 DRIVERS = ("driver-1", "driver-2", "driver-3", "driver-4")
 """The scenarios of the paper's four drivers, in the paper's order: slow and tidy to fast and loose."""
 
@@ -278,7 +299,7 @@ def _rendered_conditions() -> Iterator[Scenario]:
 
 def catalogue() -> tuple[Scenario, ...]:
     """All scenarios, in the certificate's order; no two of one name."""
-    every = (*_figures(), *_conditions(), *_rendered_conditions(), *_score(), *_drivers(), *_sweep())
+    every = (*_figures(), *_conditions(), *_rendered_conditions(), *_score(), *_drivers(), *_hall(), *_sweep())
     names = [scenario.name for scenario in every]
     assert len(set(names)) == len(names), "a scenario's name is its results' file name"
     return every

@@ -90,10 +90,10 @@ class Moments:
     """Direction of travel on the track plane; of a car that stands, the one before."""
 
 
-def moments(motion: Motion, *, fps: float, stamp_sigma_s: float = 0.0, seed: int = 0) -> Moments:
-    """The frames of `motion` at `fps` a second."""
-    k = np.arange(math.floor(motion.duration_s * fps) + 1)
-    exact_ns = np.rint(k * 1e9 / fps).astype(np.int64)
+def moments(motion: Motion, *, fps: float, stamp_sigma_s: float = 0.0, seed: int = 0, first_s: float = 0.0) -> Moments:
+    """The frames of `motion` at `fps` a second, of which the first is taken at `first_s`."""
+    k = np.arange(math.floor((motion.duration_s - first_s) * fps) + 1)
+    exact_ns = np.rint(k * 1e9 / fps + first_s * 1e9).astype(np.int64)
     t_s = exact_ns * 1e-9
     points = motion.points(t_s)
     ahead = motion.points(np.minimum(t_s + _STEP_S, motion.duration_s)) - motion.points(np.maximum(t_s - _STEP_S, 0.0))

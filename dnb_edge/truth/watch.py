@@ -6,13 +6,15 @@ search windows, as the daemon's loop does it. The core is the same. Knows drives
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from heapq import merge
 
 from dnb_edge.capture.picture_health import PictureJudge
 from dnb_edge.core import Core
-from dnb_edge.sim.driver import drive
+from dnb_edge.sim.driver import Drive, drive
 from dnb_edge.sim.rig import Rig
+from dnb_edge.truth.cameras import all_moments, first_s, sighted_by_all
 from dnb_edge.truth.course import Course, course
 from dnb_edge.truth.scenarios import Scenario
 from dnb_edge.truth.sightings import Moments, kept_frames, moments, sighted
@@ -46,31 +48,94 @@ def watch(scenario: Scenario, *, laps: int, seed: int, number: int) -> Watched:
     """Drive `number` of `scenario`, of so many laps, watched from its first frame to its last."""
     drive_seed, noise_seed = scenario.drive_seed(seed, number), scenario.noise_seed(seed, number)
     # Drawn errors have no part that lasts, unless the model says so: then nobody told the appliance.
-    here = course(scenario.place, scenario.sightings.stamp_sigma_s, lasting_share=None if scenario.rendered else 0.0)
+    here = course(
+        scenario.place,
+        scenario.sightings.stamp_sigma_s,
+        lasting_share=None if scenario.rendered else 0.0,
+        clicked_px=scenario.clicked_px,
+    )
     style = scenario.styles[number % len(scenario.styles)]
-    circuit, camera = here.place.circuit, here.place.camera
+    circuit, camera, lap_m = here.place.circuit, here.place.camera, here.place.circuit.centreline.length_m
     driven = drive(circuit, laps=laps, seed=drive_seed, style=style)
+    if here.place.further:
+        return _watched_by_all(here, scenario, driven, drive_seed=drive_seed, noise_seed=noise_seed)
     at = moments(driven, fps=scenario.fps, stamp_sigma_s=scenario.sightings.stamp_sigma_s, seed=noise_seed)
     kept = kept_frames(
         scenario.sightings, frames=len(at.t_s), fps=scenario.fps, crossings_s=driven.crossings_s, seed=noise_seed
     )
-    lap_m = circuit.centreline.length_m
     if scenario.rendered:
         rig = Rig(seed=drive_seed, fps=scenario.fps, laps=laps, place=here.place, style=style, scenery=scenario.scenery)
         events = _rendered(here, rig, at, [k for k, is_kept in enumerate(kept.tolist()) if is_kept])
     else:
         found = sighted(driven, camera, at, scenario.sightings, lap_m=lap_m, kept=kept, seed=noise_seed)
         events = told(here, found)
+    return _watched(here, driven, at, events, frames=int(kept.sum()))
+
+
+def _watched(here: Course, driven: Drive, at: Moments, events: tuple[Event, ...], *, frames: int) -> Watched:
     return Watched(
         course=here,
         crossings_s=driven.crossings_s,
         at=at,
-        lap_m=lap_m,
+        lap_m=driven.circuit.centreline.length_m,
         along_m=tuple(driven.along_m(at.t_s).tolist()),
-        true_paths_m=tuple(driven.path_m(k, PATH_STEP_S) for k in range(laps)),
+        true_paths_m=tuple(driven.path_m(k, PATH_STEP_S) for k in range(driven.laps)),
         events=events,
-        frames=int(kept.sum()),
+        frames=frames,
     )
+
+
+def _watched_by_all(here: Course, scenario: Scenario, driven: Drive, *, drive_seed: int, noise_seed: int) -> Watched:
+    """The same where several cameras share the track: each finds what its own picture shows."""
+    cameras, fps = here.place.cameras, scenario.fps
+    if scenario.rendered:
+        core = Core(here.setup)
+        rigs = [
+            Rig(
+                seed=drive_seed,
+                fps=fps,
+                laps=driven.laps,
+                place=replace(here.place, camera=camera, further=()),
+                style=scenario.styles[0],
+                scenery=scenario.scenery,
+            )
+            for camera in cameras
+        ]
+        found = _found_by_all(here, core, rigs)
+        events = tuple(event for one in found for event in core.step(one)) + tuple(core.finish())
+    else:
+        found = sighted_by_all(
+            driven,
+            cameras,
+            scenario.sightings,
+            fps=fps,
+            lap_m=driven.circuit.centreline.length_m,
+            crossings_s=driven.crossings_s,
+            seed=noise_seed,
+        )
+        events = told(here, found)
+    at = all_moments(driven, len(cameras), fps=fps)
+    return _watched(here, driven, at, events, frames=len(at.t_ns))
+
+
+def _found_by_all(here: Course, core: Core, rigs: Sequence[Rig]) -> Iterator[FrameDetections]:
+    """Each frame's detections, in the order of stamps, looked for where `core` expects the car by then."""
+    detectors = [here.detector(number) for number in range(len(rigs))]
+    due = merge(
+        *(
+            [(rig.t_ns(k) + round(first_s(number, rig.fps) * 1e9), number, k) for k in range(rig.frames - 1)]
+            for number, rig in enumerate(rigs)
+        )
+    )
+    for t_ns, number, k in due:
+        if not core.is_awaited(t_ns, number):
+            yield FrameDetections(sequence=k, t_ns=t_ns, detections=(), full_frame=False, camera=number)
+            continue
+        picture = rigs[number].frame_at(t_ns, k).bgr
+        assert picture is not None
+        windows = core.windows(t_ns, number)
+        found = detectors[number].detect(picture, sequence=k, t_ns=t_ns, windows=windows)
+        yield replace(found, camera=number)
 
 
 def told(here: Course, found: Iterator[FrameDetections]) -> tuple[Event, ...]:
