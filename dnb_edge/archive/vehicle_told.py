@@ -10,7 +10,7 @@ from dnb_edge.values import VehicleReport
 
 
 def told_inference_ms(run: RecordedRun) -> Mapping[int, tuple[float, ...]]:
-    """For each car the times that it told, ms, in order; nothing where no vehicle spoke. Raises `InputError` where the recording
+    """For each car the times that it told, ms, in order; empty where no vehicle spoke. Raises `InputError` where the file
     is malformed.
     """
     told: dict[int, list[float]] = {}

@@ -100,7 +100,7 @@ def record(
     made: CoreSetup | None = None,
     image_fps: float | None = None,
     health: Sequence[Health] = (),
-    told: Sequence[VehicleReport] = (),
+    vehicle: Sequence[VehicleReport] = (),
     **header: Any,
 ) -> Path:
     """A finished recording of `cars` in `file`, with grey pictures where `image_fps` is given; keywords are the header's."""
@@ -121,7 +121,7 @@ def record(
         if image_fps is not None:
             writer.add_frame(_picture(k, t_ns))
         writer.add_detections(FrameDetections(sequence=k, t_ns=t_ns, detections=found, full_frame=True))
-    for one in (*health, *told):
+    for one in (*health, *vehicle):
         writer.add_event(one)
     return writer.close().rename(directory / file)
 

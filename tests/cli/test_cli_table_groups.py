@@ -158,8 +158,8 @@ def test_inference_comes_from_the_cards_beside_the_recordings(tmp_path: Path) ->
 def test_without_a_card_what_the_vehicle_told_is_shown(tmp_path: Path) -> None:
     """Over all its runs; of the car that raced, whatever others said; a benchmark's figures come first."""
     words = [(12.0, 1), (14.0, 1), (None, 1), (99.0, 7)]
-    record(tmp_path, "1.mcap", STEADY, entry=entry("net"), told=[vehicle(k, *word) for k, word in enumerate(words)])
-    record(tmp_path, "2.mcap", CLOSE, entry=entry("net"), told=[vehicle(0, 13.0, 1)])
+    record(tmp_path, "1.mcap", STEADY, entry=entry("net"), vehicle=[vehicle(k, *word) for k, word in enumerate(words)])
+    record(tmp_path, "2.mcap", CLOSE, entry=entry("net"), vehicle=[vehicle(0, 13.0, 1)])
     (row,) = rows(tmp_path)
     assert (row["inference_p50_ms"], row["inference_p99_ms"]) == (13.0, 14.0)
     assert row["inference_source"] == "told by the vehicle"
