@@ -61,7 +61,8 @@ def identity_of(setup: CoreSetup) -> Identity:
 def rules_of(setup: CoreSetup) -> dict[str, dict[str, Any]]:
     """What laps are timed, judged, penalised and scored by, where it is not the default: by section and key as in a
     configuration, plain JSON types. Laps of two runs for which it is equal can be compared one by one, though one run was to be
-    longer or its start was diced otherwise, and so its rules have another digest.
+    longer or its start was diced otherwise, and so its rules have another digest. Of obstacles only their number counts: each
+    seed of a task stands them elsewhere.
     """
     sections = {
         "race": (setup.laps, LapRules()),
@@ -74,6 +75,8 @@ def rules_of(setup: CoreSetup) -> dict[str, dict[str, Any]]:
     changed = {}
     for name, (used, usual) in sections.items():
         plain, default = wire.to_dict(used), wire.to_dict(usual)
+        for rules in (plain, default) if name == "race" else ():
+            rules["obstacles"] = len(rules["obstacles"])
         changed[name] = {
             key: value for key, value in plain.items() if value != default[key] and (name, key) not in _NO_RULE
         }

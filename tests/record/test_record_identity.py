@@ -10,7 +10,7 @@ from record_samples import HEADER
 from dnb_edge.core import CoreSetup
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
-from dnb_edge.race.rules import Effect, FormatRules, LapRules, PenaltyRules, StartMode, StartRules
+from dnb_edge.race.rules import Effect, FormatRules, LapRules, Obstacle, PenaltyRules, StartMode, StartRules
 from dnb_edge.record.header import header_from_json
 from dnb_edge.record.identity import identity_of, rules_of
 from dnb_edge.score.similarity import ScoreSettings
@@ -105,6 +105,17 @@ def test_rules_are_told_by_section_and_key_where_they_are_not_usual() -> None:
     told = {"race": {"min_lap_s": 3.0}, "score": {"baseline_m": 0.4}, "crossing": {"hysteresis_m": 0.07}}
     assert rules_of(changed) == told
     assert rules_of(SETUP) == {}
+
+
+def test_where_obstacles_stand_parts_no_runs_but_how_many_there_are_does() -> None:
+    """Each seed of a task stands them elsewhere, and its runs are compared with those of others."""
+
+    def rules(*places: tuple[float, float]) -> object:
+        obstacles = tuple(Obstacle(at_m=place, radius_m=0.03) for place in places)
+        return rules_of(replace(SETUP, laps=LapRules(obstacles=obstacles, car_length_m=0.2, car_width_m=0.1)))
+
+    assert rules((1.0, 1.0), (2.0, 1.0)) == rules((0.5, 0.5), (2.0, 2.0))
+    assert rules((1.0, 1.0)) != rules((1.0, 1.0), (2.0, 1.0)) != rules()
 
 
 def test_entry_session_and_digests_survive_the_header() -> None:
