@@ -40,7 +40,7 @@ class Service:
         first, uri = self.pictures[0], self.state.source or "the service's camera"
         info = SourceInfo(
             uri=uri, width_px=first.width_px, height_px=first.height_px, nominal_fps=None, clock=Clock.MONOTONIC,
-            live=not uri.startswith(("sim:", "file:", "mcap:")),
+            live=not uri.startswith(("sim:", "loop:", "file:", "mcap:")),
         )  # fmt: skip
         frames = [_frame(picture) for picture in self.pictures]
         made = made_of(info, frames, [None] * len(frames), lost=())

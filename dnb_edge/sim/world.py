@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 
+import cv2
 import numpy as np
 
 from dnb_edge.sim.camera import PinholeCamera
@@ -134,7 +135,7 @@ class World:
         picture = self._renderer.picture(index, pose)
         gain = self._light.gain(t_ns * 1e-9)
         if gain != 1.0:
-            picture = np.asarray(np.rint(picture * np.float32(gain)), dtype=np.uint8)
+            picture = cv2.convertScaleAbs(picture, alpha=gain).astype(np.uint8, copy=False)
         return Frame(
             sequence=index,
             t_ns=t_ns,
