@@ -84,7 +84,8 @@ def publish(
         peer = publishers.Publisher(
             box=name, topics=places, outbox=outbox, listener=listener, say=_sayer(notifier, f"{name}, {to.text}")
         )
-        _speak(to, publishers.client_id(places, name), publishers.will(places, name), peer, notifier)
+        client_id = publishers.client_id(places, name, outbox.name)
+        _speak(to, client_id, publishers.will(places, name, outbox.name), peer, notifier)
     finally:
         listener.close()
         outbox.close()

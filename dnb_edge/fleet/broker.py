@@ -97,11 +97,25 @@ def listen(client: Client, topics: tuple[str, ...]) -> None:
 
 def _context(ca: Path | None) -> ssl.SSLContext:
     try:
-        return ssl.create_default_context(cafile=None if ca is None else str(ca))
+        context = ssl.create_default_context(cafile=None if ca is None else str(ca))
     except ssl.SSLError as error:
         raise InputError(f"--ca {ca}: no certificates in PEM form") from error
     except OSError as error:
         raise InputError(f"--ca {ca}: {error.strerror}") from error
+    context.sslsocket_class = _Closing
+    return context
+
+
+class _Closing(ssl.SSLSocket):
+    """Closes where the handshake fails: paho forgets it then."""
+
+    def do_handshake(self, block: bool = False) -> None:
+        """As of any socket."""
+        try:
+            super().do_handshake(block)
+        except OSError:
+            self.close()
+            raise
 
 
 def _paho() -> ModuleType:

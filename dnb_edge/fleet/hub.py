@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dnb_edge import __version__
-from dnb_edge.errors import WorkError
-from dnb_edge.fleet.link import Line, Will
+from dnb_edge.errors import InputError, WorkError
+from dnb_edge.fleet.link import SETTLED_S, Line, Will
 from dnb_edge.fleet.messages import BoxState, HubStatus, Parcel, Status, Stored, Topics, decode, encode
 from dnb_edge.fleet.store import MOST_BOXES, KnownBox, Store
 
@@ -29,8 +29,8 @@ log = logging.getLogger(__name__)
 
 
 def client_id(topics: Topics) -> str:
-    """The hub's name to the broker, which lets in only one of it."""
-    return f"{topics.prefix}-hub"
+    """The hub's name to the broker: another one for each process, so that two of them hear of each other."""
+    return f"{topics.prefix}-hub-{secrets.token_hex(4)}"
 
 
 def will(topics: Topics) -> Will:
@@ -85,11 +85,13 @@ class Hub:
         self._states: dict[str, BoxState] = {}
         self._nonsense = 0
         self._warned_s = -WARN_EVERY_S
+        self._connection = ""
+        self._greeted_s = 0.0
 
     @property
     def topics(self) -> tuple[str, ...]:
         """As `Peer`."""
-        return self._topics.of_boxes
+        return (*self._topics.of_boxes, self._topics.hub)
 
     def greeted(self, line: Line) -> None:
         """As `Peer`."""
@@ -99,12 +101,14 @@ class Hub:
         self._parcels.clear()
         for (box, queue), stored in self._store.queues().items():
             self._acknowledge(line, box, queue, stored)
-        hub = HubStatus(online=True, connection=secrets.token_hex(8), version=__version__)
-        line.publish(self._topics.hub, encode(hub), retain=True)
+        self._connection, self._greeted_s = secrets.token_hex(8), self._clock_s()
+        self._say_status(line)
         self._say("on the line")
 
-    def heard(self, line: Line, topic: str, payload: bytes) -> None:
-        """As `Peer`."""
+    def heard(self, line: Line, topic: str, payload: bytes, *, retained: bool) -> None:
+        """As `Peer`. Raises `InputError` where another hub is there."""
+        if topic == self._topics.hub and not retained:
+            self._met_namesake(line, payload)
         found = self._topics.box_of(topic)
         if found is None or not payload:
             # Empty: somebody has taken a retained message away.
@@ -147,6 +151,24 @@ class Hub:
             statuses, trouble = dict(self._statuses), self._trouble
         seen = tuple(_seen(box, statuses.get(box.name), wall_s) for box in boxes)
         return Glance(trouble=trouble, boxes=seen, nonsense=self._nonsense)
+
+    def _say_status(self, line: Line) -> None:
+        status = HubStatus(online=True, connection=self._connection, version=__version__)
+        line.publish(self._topics.hub, encode(status), retain=True)
+
+    def _met_namesake(self, line: Line, payload: bytes) -> None:
+        """Of two hubs the newcomer goes; the other one says again that it is there."""
+        try:
+            status = decode(HubStatus, payload)
+        except WorkError as error:
+            self._passed_over(self._topics.hub, error)
+            return
+        if status.online and status.connection == self._connection:
+            return
+        if not status.online or self._clock_s() - self._greeted_s > SETTLED_S:
+            self._say_status(line)
+        else:
+            raise InputError(f"--prefix {self._topics.prefix}: another hub is on the line: one hub for each prefix")
 
     def _met(self, box: str, status: Status) -> None:
         with self._lock:

@@ -29,6 +29,10 @@ WAITS_S = (0.5, 1.0, 2.0, 5.0, 10.0)
 """Before each try after the line broke; the last one again and again."""
 LAST_WORDS_S = 1.0
 TAKEN_OVER = 0x8E
+HELD_S = 10.0
+"""A line that was up for so long is tried again at once when it breaks."""
+SETTLED_S = 5.0
+"""Whoever is on the line for so long was there first."""
 LATER = frozenset({0x80, 0x88, 0x89, 0x8B, 0x97, 0x9F})
 """Refusals that say come again: unspecified, unavailable, busy, shutting down, quota, rate."""
 NOT_YET_VALID, EXPIRED = 9, 10
@@ -60,8 +64,8 @@ class Peer(Protocol):
     def greeted(self, line: Line) -> None:
         """The line is up and `topics` are listened to: say who you are."""
 
-    def heard(self, line: Line, topic: str, payload: bytes) -> None:
-        """A message has come."""
+    def heard(self, line: Line, topic: str, payload: bytes, *, retained: bool) -> None:
+        """A message has come; `retained`: it was said before the line came up."""
 
     def turn(self, line: Line | None) -> None:
         """Time has passed; None while the line is down."""
@@ -82,9 +86,9 @@ class Link:
         self._will = will
         self._waits_s = waits_s
         self._accepted = False
-        """Whether it ever was up."""
+        """Whether the broker ever took a message."""
         self._client: Client | None = None
-        self._inbox: deque[tuple[str, bytes]] = deque()
+        self._inbox: deque[tuple[str, bytes, bool]] = deque()
         self._under_way: dict[int, str] = {}
         """Topics of what the broker has not acknowledged, by its number."""
         self._refusals: deque[str] = deque()
@@ -96,14 +100,16 @@ class Link:
         """Keeps the line until `stop()`. Raises `InputError` where nobody but a person can mend it."""
         tries = 0
         while not stop():
+            began_s = time.monotonic()
             try:
                 self._connect(peer)
-                tries = 0
                 self._converse(peer, stop)
             except TemporaryFault as fault:
                 peer.broken(str(fault))
             finally:
                 self._drop()
+            if time.monotonic() - began_s > HELD_S:
+                tries = 0
             wait_s = self._waits_s[min(tries, len(self._waits_s) - 1)]
             tries += 1
             again_s = time.monotonic() + wait_s
@@ -141,14 +147,14 @@ class Link:
         for code in self._wait(lambda: self._subscribed):
             if code.is_failure:
                 raise self._refused(f"the broker lets us not listen: {str(code).lower()}: see its ACL", code.value)
-        self._accepted = True
         peer.greeted(self)
 
     def _converse(self, peer: Peer, stop: Callable[[], bool]) -> None:
         while not stop():
             self._turn()
             while self._inbox:
-                peer.heard(self, *self._inbox.popleft())
+                topic, payload, retained = self._inbox.popleft()
+                peer.heard(self, topic, payload, retained=retained)
             peer.turn(self)
         peer.farewell(self)
         end_s = time.monotonic() + LAST_WORDS_S
@@ -198,8 +204,10 @@ class Link:
                 )
             case ssl.SSLCertVerificationError():
                 return self._refused(f"its certificate is not to be trusted: {error.verify_message}", None)
-            case ssl.SSLEOFError() | ssl.SSLZeroReturnError() | ssl.SSLSyscallError():
-                return self._fault("the line has broken")
+            case ssl.SSLEOFError() | ssl.SSLZeroReturnError() | ssl.SSLSyscallError() | ConnectionResetError():
+                return self._fault(
+                    "hung up at once: is TLS spoken at this port?" if self._broker.tls else "hung up at once"
+                )
             case ssl.SSLError():
                 return self._refused(
                     f"no TLS is spoken there ({error.reason}): is it the right port? mqtt:// is without", None
@@ -228,12 +236,14 @@ class Link:
         self._subscribed = codes
 
     def _on_message(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
-        self._inbox.append((message.topic, bytes(message.payload)))
+        self._inbox.append((message.topic, bytes(message.payload), message.retain))
 
     def _on_publish(self, _client: Client, _data: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
         topic = self._under_way.pop(mid, "")
         if code.is_failure:
             self._refusals.append(f"the broker does not take {topic}: {str(code).lower()}: see its ACL")
+        else:
+            self._accepted = True
 
     def _on_disconnect(self, _client: Client, _data: Any, _flags: Any, code: ReasonCode, _properties: Any) -> None:
         self._hung_up = code

@@ -72,6 +72,8 @@ class Status:
     online: bool
     reason: str | None = None
     """Why not: `stopped`, or None where the broker says it for a box that has gone."""
+    queue: str = ""
+    """Whose word it is: two boxes of one name have two queues."""
     version: str = ""
 
 

@@ -129,7 +129,8 @@ class _Pages:
             }
             for one in glance.boxes
         ]
-        return JSONResponse({"trouble": glance.trouble, "nonsense": glance.nonsense, "boxes": boxes})
+        counts = {"nonsense": glance.nonsense, "passed_over": self._store.passed_over}
+        return JSONResponse({"trouble": glance.trouble, **counts, "boxes": boxes})
 
     def api_laps(self, request: Request) -> Response:
         """GET /api/v1/laps?box=NAME&before=ID&limit=N: the newest first."""

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from dnb_edge import __version__
-from dnb_edge.errors import WorkError
-from dnb_edge.fleet.link import Line, Will
+from dnb_edge.errors import InputError, WorkError
+from dnb_edge.fleet.link import SETTLED_S, Line, Will
 from dnb_edge.fleet.listener import Listener
 from dnb_edge.fleet.messages import MOST_BYTES, BoxState, HubStatus, Status, Stored, Topics, decode, encode
 from dnb_edge.fleet.outbox import Outbox
@@ -29,14 +29,14 @@ CHANGED_S = 1.0
 log = logging.getLogger(__name__)
 
 
-def client_id(topics: Topics, box: str) -> str:
-    """The box's name to the broker, which lets in only one of it."""
-    return f"{topics.prefix}-box-{box}"
+def client_id(topics: Topics, box: str, queue: str) -> str:
+    """The box's name to the broker: another one for another box of the same name, so that either hears of the other."""
+    return f"{topics.prefix}-box-{box}-{queue}"
 
 
-def will(topics: Topics, box: str) -> Will:
+def will(topics: Topics, box: str, queue: str) -> Will:
     """What the broker says for a box that has gone."""
-    return Will(topic=topics.status(box), payload=encode(Status(online=False)))
+    return Will(topic=topics.status(box), payload=encode(Status(online=False, queue=queue)))
 
 
 class Publisher:
@@ -62,6 +62,7 @@ class Publisher:
         self._clock_s = clock_s
         self._wall_s = wall_s
         self._hub = HubStatus(online=False)
+        self._greeted_s = 0.0
         self._sent = 0
         """Number of the last parcel that was sent on this line, or that the hub has."""
         self._moved_s = 0.0
@@ -73,21 +74,22 @@ class Publisher:
     @property
     def topics(self) -> tuple[str, ...]:
         """As `Peer`."""
-        return (self._topics.hub, self._topics.stored(self._box))
+        return (self._topics.hub, self._topics.stored(self._box), self._topics.status(self._box))
 
     def greeted(self, line: Line) -> None:
         """As `Peer`."""
-        self._hub, self._told = HubStatus(online=False), None
-        line.publish(self._topics.status(self._box), encode(Status(online=True, version=__version__)), retain=True)
+        self._hub, self._told, self._greeted_s = HubStatus(online=False), None, self._clock_s()
+        self._say_status(line, online=True)
 
-    def heard(self, line: Line, topic: str, payload: bytes) -> None:
-        """As `Peer`."""
-        del line
+    def heard(self, line: Line, topic: str, payload: bytes, *, retained: bool) -> None:
+        """As `Peer`. Raises `InputError` where another box of this name is there, or the queue is a copy."""
         try:
             if topic == self._topics.hub:
                 self._meet(decode(HubStatus, payload))
-            else:
+            elif topic == self._topics.stored(self._box):
                 self._acknowledged(decode(Stored, payload))
+            elif not retained:
+                self._met_namesake(line, decode(Status, payload))
         except WorkError as error:
             log.warning("%s: passed over: %s", topic, error)
 
@@ -109,8 +111,20 @@ class Publisher:
 
     def farewell(self, line: Line) -> None:
         """As `Peer`."""
-        status = Status(online=False, reason="stopped", version=__version__)
+        self._say_status(line, online=False, reason="stopped")
+
+    def _say_status(self, line: Line, *, online: bool, reason: str | None = None) -> None:
+        status = Status(online=online, reason=reason, queue=self._outbox.name, version=__version__)
         line.publish(self._topics.status(self._box), encode(status), retain=True)
+
+    def _met_namesake(self, line: Line, status: Status) -> None:
+        """Of two boxes of one name the newcomer goes; the other one says again that it is there."""
+        if status.queue == self._outbox.name:
+            return
+        if not status.online or self._clock_s() - self._greeted_s > SETTLED_S:
+            self._say_status(line, online=True)
+        else:
+            raise InputError(f"--box {self._box}: another box of this name is on the line: give each its own")
 
     def _meet(self, hub: HubStatus) -> None:
         if hub.online and hub.connection != self._hub.connection:

@@ -70,6 +70,8 @@ class Store:
         """Raises `InputError` where the file is none of ours, or cannot be made."""
         self._path = path
         self._lock = threading.Lock()
+        self.passed_over = 0
+        """Parcels that had come before, or before which others were still to come, since it was opened."""
         try:
             self._base = sqlite3.connect(path, timeout=2.0, isolation_level=None, check_same_thread=False)
         except sqlite3.Error as error:
@@ -106,6 +108,8 @@ class Store:
                 if parcel.number == stored[place] + 1:
                     self._insert(box, parcel, wall_s)
                     stored[place] = parcel.number
+                else:
+                    self.passed_over += 1
             for (box, queue), number in stored.items():
                 self._base.execute("INSERT OR REPLACE INTO queue VALUES (?, ?, ?)", (box, queue, number))
         return stored

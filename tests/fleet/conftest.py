@@ -2,6 +2,14 @@ import pytest
 from fleet_rig import Box, HubRig
 from mqtt_broker import Mosquitto
 
+from dnb_edge.fleet import listener
+
+
+@pytest.fixture(autouse=True)
+def soon_ended(monkeypatch):
+    """Listeners look often whether they are to end: many do here."""
+    monkeypatch.setattr(listener, "LISTEN_S", 0.05)
+
 
 @pytest.fixture
 def broker(tmp_path):

@@ -88,8 +88,8 @@ class Box:
         peer = publishers.Publisher(
             box=self.name, topics=TOPICS, outbox=self.outbox, listener=self.listener, say=self.said.append
         )
-        will = publishers.will(TOPICS, self.name)
-        link = Link(self._to, client_id=publishers.client_id(TOPICS, self.name), will=will, waits_s=WAITS_S)
+        names = (TOPICS, self.name, self.outbox.name)
+        link = Link(self._to, client_id=publishers.client_id(*names), will=publishers.will(*names), waits_s=WAITS_S)
         self._spoken = Spoken(link, peer)
 
     @property

@@ -13,7 +13,10 @@ from pathlib import Path
 import pytest
 
 PROGRAM = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
-needs_mosquitto = pytest.mark.skipif(PROGRAM is None, reason="mosquitto is not installed")
+needs_mosquitto = pytest.mark.skipif(
+    None in (PROGRAM, shutil.which("mosquitto_passwd"), shutil.which("openssl")),
+    reason="mosquitto, or openssl, is not installed",
+)
 PATIENCE_S = 20.0
 
 
@@ -47,17 +50,23 @@ class Mosquitto:
             if persistent
             else ("persistence false",)
         )
-        self._config.write_text("\n".join((f"listener {self.port} 127.0.0.1", *kept, *lines, "")), encoding="utf-8")
+        # Root would become the user mosquitto, who may not read a test's folder.
+        user = ("user root",) if os.geteuid() == 0 else ()
+        self._place = (f"listener {self.port} 127.0.0.1", *user, *kept)
+        self.configure(*lines)
         self._process: subprocess.Popen[bytes] | None = None
 
     @property
     def url(self) -> str:
         return f"mqtt://127.0.0.1:{self.port}"
 
+    def configure(self, *lines: str) -> None:
+        """From the next start on."""
+        self._config.write_text("\n".join((*self._place, *lines, "")), encoding="utf-8")
+
     def start(self) -> None:
         """Starts it and waits until it listens."""
         with self._log.open("ab") as log:
-            # Root would become the user mosquitto, who may not read a test's folder.
             command = [PROGRAM, "-c", str(self._config)]
             self._process = subprocess.Popen(command, stdout=log, stderr=log)  # type: ignore[arg-type]
         until(self._listens, f"mosquitto at {self.port}: {self._log.read_text(encoding='utf-8', errors='replace')}")
@@ -156,3 +165,32 @@ def _shut(one: socket.socket) -> None:
     with contextlib.suppress(OSError):
         one.shutdown(socket.SHUT_RDWR)
     one.close()
+
+
+def certificate(folder: Path, name: str) -> tuple[Path, Path]:
+    """A certificate for the host `name`, signed by itself, and its key."""
+    made, key = folder / f"{name}.crt", folder / f"{name}.key"
+    command = [
+        "openssl",
+        "req",
+        "-x509",
+        "-newkey",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:P-256",
+        "-nodes",
+        "-days",
+        "2",
+    ]
+    command += ["-subj", f"/CN={name}", "-addext", f"subjectAltName=DNS:{name}", "-out", str(made), "-keyout", str(key)]
+    subprocess.run(command, check=True, capture_output=True)
+    return made, key
+
+
+def passwords(folder: Path, **users: str) -> Path:
+    """mosquitto's file of passwords."""
+    path = folder / "passwords"
+    path.write_text("".join(f"{user}:{password}\n" for user, password in users.items()), encoding="utf-8")
+    path.chmod(0o600)
+    subprocess.run(["mosquitto_passwd", "-U", str(path)], check=True, capture_output=True)
+    return path
