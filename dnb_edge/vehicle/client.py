@@ -24,6 +24,7 @@ SILENT_S = 3.0
 HELLO_S = 5.0
 """So often at least the box hears from us, or it would stop telling."""
 MOST_HEARD = 100
+MOST_LAPS = 50
 
 
 class Vehicle:
@@ -35,11 +36,10 @@ class Vehicle:
         self.seq = 0
         """Number of the next line."""
         self.laps: list[dict[str, Any]] = []
-        """The laps heard of since the last `go`: `lap`, `time_s`, `valid`, `car`."""
+        """The laps heard of since the last `go`: `lap`, `time_s`, `valid`, `car`; the last ones."""
         self._word = "stop"
         self._heard_s = -SILENT_S
         self._said_s = -HELLO_S
-        self._last_lap = b""
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind, protocol)
         self._socket.settimeout(0.0)
@@ -89,10 +89,9 @@ class Vehicle:
                 self.laps = []
             self._word = signal
             self._heard_s = time.monotonic()
-        elif signal == "lap" and line != self._last_lap and heard.get("car") in {self.car, None}:
+        elif signal == "lap" and heard not in self.laps and heard.get("car") in {self.car, None}:
             # Each is told three times.
-            self._last_lap = line
-            self.laps.append(heard)
+            self.laps = [*self.laps[-MOST_LAPS:], heard]
 
     def _hello(self) -> None:
         self._say({"hello": 1, "car": self.car})

@@ -16,6 +16,7 @@ import time
 PORT = 5610
 SILENT_MS = 3000
 HELLO_MS = 5000
+MOST_LAPS = 10
 
 
 class Vehicle:
@@ -27,7 +28,6 @@ class Vehicle:
         self.laps: list[dict] = []
         self._word = "stop"
         self._heard_ms: int | None = None
-        self._last_lap = b""
         self._to = socket.getaddrinfo(host, port)[0][-1]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.settimeout(0.0)
@@ -74,9 +74,11 @@ class Vehicle:
                 self.laps = []
             self._word = signal
             self._heard_ms = time.ticks_ms()
-        elif signal == "lap" and line != self._last_lap and heard.get("car") in (self.car, None):
-            self._last_lap = line
+        elif signal == "lap" and heard not in self.laps and heard.get("car") in (self.car, None):
+            # Each is told three times.
             self.laps.append(heard)
+            if len(self.laps) > MOST_LAPS:
+                self.laps.pop(0)
 
     def _hello(self) -> None:
         self._say({"hello": 1, "car": self.car})

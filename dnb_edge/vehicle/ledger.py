@@ -5,6 +5,7 @@ Knows words and their stamps. Knows no channel.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
@@ -28,7 +29,8 @@ class _Bucket:
     """Room for so many lines a second."""
 
     hz: float
-    room: float = 1.0
+    room: float = math.inf
+    """Full at first."""
     filled_ns: int = 0
 
     def has_room(self, now_ns: int) -> bool:

@@ -36,12 +36,9 @@ class UdpChannel:
     def __init__(self, host: str, port: int) -> None:
         """Raises `InputError` where it cannot listen there."""
         try:
-            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            self._socket = socket.socket(family, kind | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, protocol)
-            self._socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
-            self._socket.bind(address)
-        except (OSError, OverflowError) as error:
-            why = getattr(error, "strerror", None) or error
+            self._socket = _listening(host, port)
+        except OSError as error:
+            why = error.strerror or error
             raise InputError(
                 f"--udp {host}:{port}: cannot listen there: {why}: give another address or port"
             ) from error
@@ -106,3 +103,16 @@ class UdpChannel:
     def close(self) -> None:
         """Ends it."""
         self._socket.close()
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """Raises `OSError`."""
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    made = socket.socket(family, kind | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, protocol)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+        made.bind(address)
+    except OSError:
+        made.close()
+        raise
+    return made
