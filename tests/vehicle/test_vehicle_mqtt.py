@@ -16,7 +16,7 @@ from dnb_edge.values import RacePhase
 from dnb_edge.vehicle.mqtt import Broker, MqttChannel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fleet"))
-from mqtt_broker import Mosquitto, needs_mosquitto
+from mqtt_broker import Mosquitto, certificate, needs_mosquitto
 
 pytestmark = needs_mosquitto
 
@@ -84,6 +84,23 @@ def test_a_broker_that_refuses_us_ends_the_gateway_with_its_reason(tmp_path: Pat
         channel = MqttChannel(Broker(uri=broker.url, user="car", password_file=password))
         with (
             pytest.raises(InputError, match=rf"--mqtt: MQTT 127.0.0.1:{broker.port}: it refuses us: not authorized"),
+            running(tmp_path / "live.sock", [channel]),
+        ):
+            until(lambda: channel.fileno() is None, "the end")
+
+
+# paho-mqtt does not close the socket of a handshake that failed.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_over_tls_a_car_is_told_and_another_ones_certificate_ends_it(box: Box, tmp_path: Path) -> None:
+    """With the broker's own certificate to trust it connects; by another name than the certificate's it never will."""
+    made, key = certificate(tmp_path, "localhost")
+    with Mosquitto(tmp_path, lines=("allow_anonymous true", f"certfile {made}", f"keyfile {key}")) as broker:
+        channel = MqttChannel(Broker(uri=f"mqtts://localhost:{broker.port}", ca=made))
+        with running(tmp_path / "live.sock", [channel]):
+            until(channel._client.is_connected, "the connection")
+        channel = MqttChannel(Broker(uri=f"mqtts://127.0.0.1:{broker.port}", ca=made))
+        with (
+            pytest.raises(InputError, match=r"its certificate is not good: IP address mismatch"),
             running(tmp_path / "live.sock", [channel]),
         ):
             until(lambda: channel.fileno() is None, "the end")
