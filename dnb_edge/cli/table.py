@@ -18,7 +18,7 @@ from dnb_edge.archive.rescore import Wanted
 from dnb_edge.archive.trials import Raced, raced, told_apart
 from dnb_edge.archive.vehicle_told import told_inference_ms
 from dnb_edge.cli.replay_options import WithEdits
-from dnb_edge.cli.results import Runs, recordings
+from dnb_edge.cli.results import FigureFormat, Runs, recordings
 from dnb_edge.record.chain import continued
 from dnb_edge.record.reader import read_run
 from dnb_edge.report.table import ResultTable, RowsBy, result_table
@@ -71,6 +71,15 @@ def table(
             metavar="FILE|DIR",
         ),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(help="Write box plots, radars and ranks into this directory, each a file.", metavar="DIR"),
+    ] = None,
+    picture_format: Annotated[FigureFormat, typer.Option("--figure-format", help="Of these files.")] = FigureFormat.PNG,
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", help="Write tables and pictures as a page that needs nothing else.", metavar="FILE"),
+    ] = None,
     edits: WithEdits = True,
 ) -> None:
     """Print the paper's Table I for any set of runs, real or simulated: entry, path similarity, completion time, who is alike.
@@ -89,10 +98,14 @@ def table(
     console = Console(stderr=True, markup=False)
     for warning in told:
         console.print(f"dnb-edge: {warning}", highlight=False, soft_wrap=True)
-    tables = [
-        result_table((trial for run in one.runs for trial in run.trials), by, conditions=one.conditions or None)
-        for one in groups
-    ]
+    parts = [([trial for run in one.runs for trial in run.trials], one.conditions or None) for one in groups]
+    tables = [result_table(trials, by, conditions=conditions) for trials, conditions in parts]
+    if figures is not None or html is not None:
+        from dnb_edge.cli.table_out import write_pictures  # noqa: PLC0415 Matplotlib is slow to import
+
+        drawn = [(made, trials) for made, (trials, _) in zip(tables, parts, strict=True)]
+        for path in write_pictures(drawn, told, figures=figures, form=picture_format.value, html=html):
+            console.print(f"Written: {path}", highlight=False, soft_wrap=True)
     typer.echo(_written(tables, TableFormat.JSON if as_json else form))
 
 

@@ -50,12 +50,12 @@ def entries_picture(
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=INK, labelsize=10)
-    left.set_yticks(range(len(rows)), [_short(row.label) for row in rows], parse_math=False)
+    left.set_yticks(range(len(rows)), [short_name(row.label) for row in rows], parse_math=False)
     left.set_ylim(len(rows) - 0.4, -0.6)
     left.set_xlabel("lap time (s)", color=INK)
     right.set_xlabel("path similarity (%)", color=INK)
     for place, row in enumerate(rows):
-        laps = [lap for trial in trials if _is_of(trial, row) for lap in trial.laps if lap.valid]
+        laps = [lap for trial in trials if is_of(trial, row) for lap in trial.laps if lap.valid]
         _dots(left, place, [official_s(lap) for lap in laps])
         _mean(left, place, row.completion_time_s, row.completion_time_ci95_low_s, row.completion_time_ci95_high_s)
         _dots(right, place, [percent for lap in laps if (percent := official_percent(lap)) is not None])
@@ -78,7 +78,7 @@ def best_laps_picture(best: Sequence[BestLap], track: Track, *, picture_format: 
     for place, (one, trace) in enumerate(drawn):
         style = line_style(place, best=place == 0)
         profile = speed_profile(trace)
-        label = f"{place + 1}. {_short(one.name)}, {_short(one.run)}: {official_s(one.lap):.3f} s"
+        label = f"{place + 1}. {short_name(one.name)}, {short_name(one.run)}: {official_s(one.lap):.3f} s"
         seen = np.where(profile.seen, profile.speed_mps, np.nan)
         speeds.plot(start_m + profile.way_m, seen, label=label, **style)
         behind = delta_profile(trace, first)
@@ -103,12 +103,14 @@ def quickest(best: Sequence[BestLap], most: int = DRAWN_LAPS) -> list[BestLap]:
     return sorted(best, key=lambda one: (official_s(one.lap), one.run, one.lap.car))[:most]
 
 
-def _short(name: str) -> str:
+def short_name(name: str) -> str:
+    """An entry's name as pictures have room for it."""
     plain = printable(name)
     return plain if len(plain) <= _LONGEST_NAME else f"{plain[: _LONGEST_NAME - 3]}..."
 
 
-def _is_of(trial: Trial, row: EntryRow) -> bool:
+def is_of(trial: Trial, row: EntryRow) -> bool:
+    """Whether `trial` is among those that `row` is made of."""
     entrant = (row.entry, row.version, row.checkpoint_sha256, row.simulated)
     return trial.entrant.key == entrant and row.run in {None, trial.run}
 
