@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -13,18 +14,27 @@ from dnb_edge import wire
 from dnb_edge.archive.replayed import Replayed, replay
 from dnb_edge.archive.rescore import Wanted, changes, changes_text
 from dnb_edge.cli.replay_options import WithEdits
-from dnb_edge.cli.results import OtherLines, OtherRules, OtherTrack, OtherValues, Runs, recordings
+from dnb_edge.cli.results import OtherLines, OtherRules, OtherTrack, OtherValues, recordings
+from dnb_edge.cli.score_many import GridOption, Many, Out, Plot, Scheduler, Workers, score_many
 from dnb_edge.cli.standing_words import last_standings, standing_words
 from dnb_edge.daemon.sinks import JsonSink
 from dnb_edge.display.picture import lap_line
+from dnb_edge.errors import InputError
 from dnb_edge.race.marshal import Marshalled, MarshalledLap
 from dnb_edge.record.edits import edits_path
 from dnb_edge.report.table import printable
 from dnb_edge.values import Event, Lap, RunSummary
 
+Places = Annotated[
+    list[str],
+    typer.Argument(
+        help="Recordings (.mcap), directories of them, patterns, or addresses such as s3://.", metavar="RUN..."
+    ),
+]
+
 
 def score(
-    runs: Runs,
+    runs: Places,
     *,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object a line, as `run --json` prints them.")
@@ -37,15 +47,29 @@ def score(
     track: OtherTrack = None,
     overrides: OtherValues = None,
     edits: WithEdits = True,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    out: Out = None,
+    grid: GridOption = None,
+    plot: Plot = None,
 ) -> None:
     """Compute laps and scores of recordings again, from the recorded detections: the same numbers as the live run.
 
     Or what other lines, thresholds and rules would have given: --line, --set, --rules, --track. The recording never changes.
 
     A judge's edits (`dnb-edge judge`) are laid over the laps; --no-edits gives what the race itself said.
+
+    Archives: with --out, --grid, --workers or --scheduler, a pattern or an address, the work is shared out and one table of all
+    is printed. See docs/archive.md.
     """
     wanted = Wanted(rules=rules, track=track, lines=tuple(lines or ()), overrides=tuple(overrides or ()))
-    for path in recordings(runs):
+    many = Many(scheduler=scheduler, workers=workers, out=out, grid=tuple(grid or ()), plot=plot)
+    if many.is_wanted(runs):
+        if observations:
+            raise InputError("--observations: is for single recordings: leave out what is for archives")
+        score_many(runs, many, wanted, edits=edits, as_json=as_json)
+        return
+    for path in recordings([Path(run) for run in runs]):
         replayed = replay(path, edits=edits, changed=wanted.change(path), tell_running=as_json)
         if as_json:
             _print_json(replayed, observations=observations)
