@@ -5,6 +5,7 @@ Knows what the URI says. Knows neither drivers nor tasks themselves.
 
 from __future__ import annotations
 
+import math
 from urllib.parse import parse_qsl
 
 from dnb_edge.config.loop_task import load_task
@@ -15,14 +16,14 @@ from dnb_edge.sim.task import LoopTask
 
 FORM = "loop:DRIVER?task=lane-following&seed=1&laps=3"
 
-_OPTIONS = ("task", "seed", "laps")
+_OPTIONS = ("task", "seed", "laps", "pace")
 
 
 def open_loop(uri: str) -> ClosedLoopSource:
     """The closed loop that `uri` names, open. Raises `InputError` naming what is wrong."""
-    word, task = _parsed(uri)
+    word, task, pace = _parsed(uri)
     try:
-        return ClosedLoopSource(task, open_driver(word), uri=uri)
+        return ClosedLoopSource(task, open_driver(word), uri=uri, pace=pace)
     except InputError as error:
         raise InputError(f"{uri}: {error}") from error
 
@@ -32,8 +33,8 @@ def check_loop(uri: str) -> None:
     _parsed(uri)
 
 
-def _parsed(uri: str) -> tuple[str, LoopTask]:
-    """(the driver's word, the task)."""
+def _parsed(uri: str) -> tuple[str, LoopTask, float]:
+    """(the driver's word, the task, the pace)."""
     # The last question mark, since a driver's command or path may hold others.
     word, mark, query = uri.removeprefix("loop:").rpartition("?")
     word, query = (word, query) if mark else (query, "")
@@ -53,6 +54,13 @@ def _parsed(uri: str) -> tuple[str, LoopTask]:
                 raise InputError(f"{uri}: {name} must be a whole number, not {given[name]!r}")
             numbers[name] = int(given[name])
     try:
-        return word, load_task(given.get("task", "lane-following")).loop(numbers.get("seed", 1), numbers.get("laps"))
+        pace = float(given.get("pace", "0"))
+    except ValueError:
+        pace = -1.0
+    if not (math.isfinite(pace) and pace >= 0.0):
+        raise InputError(f"{uri}: pace must be a number and not negative, not {given['pace']!r}")
+    try:
+        task = load_task(given.get("task", "lane-following")).loop(numbers.get("seed", 1), numbers.get("laps"))
     except InputError as error:
         raise InputError(f"{uri}: {error}") from error
+    return word, task, pace

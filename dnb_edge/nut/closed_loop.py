@@ -7,6 +7,7 @@ vehicle from the pictures, as it does in reality.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 from dnb_edge.sim.control import Driver
@@ -21,11 +22,13 @@ class ClosedLoopSource:
     lost: tuple[LostFrames, ...] = ()
     """Nothing: frames wait to be taken."""
 
-    def __init__(self, task: LoopTask, driver: Driver, *, uri: str | None = None) -> None:
-        """`driver` is new; it is started, asked and closed in the thread that takes the frames."""
+    def __init__(self, task: LoopTask, driver: Driver, *, uri: str | None = None, pace: float = 0.0) -> None:
+        """`driver` is new; it is started, asked and closed in the thread that takes the frames. `pace`: how many simulated
+        seconds pass in one real second; 0 gives frames as fast as they are taken."""
         self.world = World(task)
         """What is really driven; ask it for its `truth` once the frames have ended."""
         self._driver = driver
+        self._pace = pace
         self._closed = threading.Event()
         self._begun = threading.Lock()
         self.info = SourceInfo(
@@ -43,10 +46,15 @@ class ClosedLoopSource:
             return
         try:
             self._driver.start(self.world.brief(self._driver))
-            index = 0
+            index, began_s = 0, time.monotonic()
             while self.world.ended is None and not self._closed.is_set():
                 self.world.drive_until(self.world.frame_t_ns(index), self._driver)
-                yield self.world.frame(index)
+                frame = self.world.frame(index)
+                if self._pace > 0.0:
+                    due_s = began_s + frame.t_ns * 1e-9 / self._pace
+                    if self._closed.wait(max(0.0, due_s - time.monotonic())):
+                        return
+                yield frame
                 index += 1
         finally:
             self._driver.close()
