@@ -90,11 +90,11 @@ def write_demo_config(directory: Path, rig: Rig, name: str = CONFIG_NAME) -> Pat
     return path
 
 
-def _config(files: DemoFiles, paints: Sequence[Paint]) -> dict[str, Any]:
+def course_config(files: DemoFiles, track_name: str) -> dict[str, Any]:
+    """Track, view and score of a configuration for a simulated course, plain YAML types; `files` lie beside it."""
     return {
-        "name": "simulated cars" if paints else "simulated car",
         "track": {
-            "name": "demo track",
+            "name": track_name,
             "image": files.twin.name,
             "lane_hsv": list(files.lane_hsv),
             "measured": {
@@ -111,4 +111,10 @@ def _config(files: DemoFiles, paints: Sequence[Paint]) -> dict[str, Any]:
             "max_mean_error_m": 0.02,
         },
         "score": {"metric": "dtw", "clamp_m": 0.5, "baseline_m": 0.5},
-    } | ({"cars": [{"name": paint.name, "colour": paint.hex} for paint in paints]} if paints else {})
+    }
+
+
+def _config(files: DemoFiles, paints: Sequence[Paint]) -> dict[str, Any]:
+    name = "simulated cars" if paints else "simulated car"
+    cars = {"cars": [{"name": paint.name, "colour": paint.hex} for paint in paints]} if paints else {}
+    return {"name": name} | course_config(files, "demo track") | cars

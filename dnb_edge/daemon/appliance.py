@@ -73,10 +73,12 @@ def run_appliance(
     notifier: ServiceNotifier | None = None,
     live: LiveRun | None = None,
     source: FrameSource | None = None,
+    stop: Stop | None = None,
 ) -> RunSummary:
     """Runs one race and returns its summary once the recording is finished and synced.
 
-    `source`: an open one instead of that which `options` name, such as a closed loop; it is closed here.
+    `source`: an open one instead of that which `options` name, such as a closed loop; it is closed here. `stop` ends the run
+    once it is set, instead of SIGINT and SIGTERM.
 
     `listeners` hear the summary as their last event; `live` tells other processes on the box of the race, and may end it before
     it begins: then nothing is written, and nobody hears anything. Raises `InputError`
@@ -85,7 +87,9 @@ def run_appliance(
     notifier = ServiceNotifier() if notifier is None else notifier
     notifier.status("starting")
     with ExitStack() as stack:
-        stop: Stop = live.stop if live is not None else stack.enter_context(stop_signals())
+        stop = stop if live is None else live.stop
+        if stop is None:
+            stop = stack.enter_context(stop_signals())
         source = make_source(options.source_uri, config) if source is None else source
         stack.callback(source.close)
         if source.info.live:

@@ -1,0 +1,78 @@
+"""The ranking of a campaign: who is first by what, how sure it is, and what it says of those who did not complete."""
+
+import random
+from dataclasses import replace
+
+import pytest
+from nut_results import LAP, RESULT
+
+from dnb_edge.nut.campaign import TrialResult
+from dnb_edge.nut.ranking import CampaignRanking, RankBy, ranked
+
+
+def drives(entry: str, similarity: float, time_s: float, *, seeds: int = 8, spread: float = 1.0) -> list[TrialResult]:
+    """Two laps a seed that scatter by `spread` percent and a tenth of that in seconds."""
+    chance = random.Random(entry)
+    results = []
+    for seed in range(seeds):
+        laps = tuple(
+            replace(
+                LAP,
+                number=k,
+                similarity_percent=similarity + chance.gauss(0, spread),
+                official_s=time_s + chance.gauss(0, spread / 10),
+            )
+            for k in (1, 2)
+        )
+        results.append(replace(RESULT, entry=entry, driver=entry, seed=seed, laps=laps))
+    return results
+
+
+def test_the_best_score_is_first_and_the_least_time_too() -> None:
+    """Three drivers well apart: places, letters of their own, disjoint intervals, an order that holds in all resamples."""
+    results = drives("slow", 97, 10.0) + drives("fast", 92, 7.0) + drives("wild", 80, 8.0)
+    by_score = ranked("lane-following", results, RankBy.SCORE)
+    assert [(row.place, row.entry, row.letters) for row in by_score.rows] == [
+        (1, "slow", "a"), (2, "fast", "b"), (3, "wild", "c"),
+    ]  # fmt: skip
+    assert (by_score.disjoint, by_score.order_share, by_score.seeds) == (True, 1.0, 8)
+    by_time = ranked("lane-following", results, RankBy.TIME)
+    assert [row.entry for row in by_time.rows] == ["fast", "wild", "slow"]
+    assert [row.time_s is not None and round(row.time_s.mean) for row in by_time.rows] == [7, 8, 10]
+
+
+def test_drivers_that_are_alike_share_a_letter_and_are_not_disjoint() -> None:
+    """A tenth of their spread apart, over eight seeds."""
+    made = ranked("t", drives("one", 90.0, 8.0) + drives("other", 90.1, 8.0), RankBy.SCORE)
+    assert {row.letters for row in made.rows} == {"a"}
+    assert not made.disjoint
+    assert made.order_share is not None
+    assert made.order_share < 0.99
+
+
+def test_who_completed_nothing_is_last_by_time_and_still_has_a_score() -> None:
+    """Its time is not told; its half-driven laps are worth half, and its failures are counted."""
+    lost = [
+        replace(one, completed=False, laps=one.laps[:1], failure="gone" if one.seed < 3 else None)
+        for one in drives("lost", 98.0, 5.0)
+    ]
+    made = ranked("t", lost + drives("sound", 90.0, 9.0), RankBy.TIME)
+    first, last = made.rows
+    assert (first.entry, last.entry, last.time_s, last.place) == ("sound", "lost", None, 2)
+    assert (last.completed, last.drives, last.failed, last.laps, last.wanted_laps) == (0, 8, 3, 8, 16)
+    assert last.score.mean == pytest.approx(49.0, abs=1.0)
+    assert not made.disjoint
+
+
+def test_the_order_of_the_results_changes_nothing() -> None:
+    """Workers finish as they like."""
+    results = drives("one", 90.0, 8.0) + drives("other", 91.0, 8.1) + drives("third", 85.0, 8.1)
+    shuffled = random.Random(3).sample(results, len(results))
+    assert ranked("t", shuffled, RankBy.SCORE) == ranked("t", results, RankBy.SCORE)
+
+
+def test_one_seed_has_places_and_no_intervals() -> None:
+    """Nothing is known of the spread, and nothing is claimed."""
+    made: CampaignRanking = ranked("t", drives("one", 90, 8, seeds=1) + drives("two", 80, 8, seeds=1), RankBy.SCORE)
+    assert [(row.entry, row.place) for row in made.rows] == [("one", 1), ("two", 2)]
+    assert (made.disjoint, made.order_share) == (False, None)
