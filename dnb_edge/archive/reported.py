@@ -18,7 +18,8 @@ from dnb_edge.record.reader import iter_frames, iter_told
 from dnb_edge.report.evidence import thumbnails
 from dnb_edge.report.health import HealthFold, HealthHistory, interruptions
 from dnb_edge.report.run import RunResult, Sightings, SortedSightings
-from dnb_edge.values import Health, Observation
+from dnb_edge.report.vehicle import vehicles_told
+from dnb_edge.values import Health, Observation, VehicleReport
 
 _UNTOLD_GAP_S = 1.0
 """What counts as an interruption where the race has no such rule, seconds."""
@@ -48,7 +49,8 @@ def reported(
     Raises `InputError` where it cannot be read, and where one of `laps` is not there.
     """
     raced = replay(path, edits=edits, changed=None if wanted is None else wanted.change(path), compact=True)
-    result = replace(raced.result(), health=health_of(raced), began=began(raced), chosen=tuple(laps))
+    told = vehicles_told(iter_told(path, VehicleReport))
+    result = replace(raced.result(), health=health_of(raced), vehicles=told, began=began(raced), chosen=tuple(laps))
     known = {(lap.car, lap.number) for lap in result.laps}
     for car, number in laps:
         if (car, number) not in known:

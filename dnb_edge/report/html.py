@@ -25,6 +25,7 @@ from dnb_edge.report.markup import NONE, PLUS_MINUS, data_uri, number, plain_tab
 from dnb_edge.report.race import race_sections
 from dnb_edge.report.run import RunResult
 from dnb_edge.report.table import entry_rows
+from dnb_edge.report.vehicle import vehicle_section
 
 FILE_NAME = "report.html"
 
@@ -59,6 +60,7 @@ def render(result: RunResult) -> str:
         f"<section>\n<h2>Laps</h2>\n{lap_table(result)}\n</section>",
         race_sections(result),
         _pictures(result),
+        vehicle_section(result.vehicles),
         f"<section>\n<h2>Transformation error</h2>\n{_calibration(result.calibration)}\n</section>",
         f"<section>\n<h2>How this was made</h2>\n{details(result)}\n</section>",
     ]

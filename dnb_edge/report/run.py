@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dnb_edge.race.edit import Edit
 from dnb_edge.race.marshal import Marshalled
 from dnb_edge.report.health import HealthHistory
+from dnb_edge.report.vehicle import VehicleTold
 from dnb_edge.track.model import FINISH_LINE, START_LINE, Track
 from dnb_edge.values import (
     BgrImage,
@@ -188,6 +189,8 @@ class RunResult:
     """The twin's picture, at the scale of `track.scale`."""
     health: HealthHistory | None = None
     """How the appliance did; None where it told nothing."""
+    vehicles: tuple[VehicleTold, ...] = ()
+    """What cars told of themselves."""
     began: str | None = None
     """When the first frame was, in words; None where no clock told."""
     chosen: tuple[tuple[int, int], ...] = ()
