@@ -122,18 +122,19 @@ class Outbox:
     def _open(self) -> None:
         # One process at a time: the numbers are its own.
         self._base.execute("PRAGMA locking_mode = EXCLUSIVE")
-        self._base.execute("PRAGMA journal_mode = WAL")
-        self._base.execute("PRAGMA synchronous = FULL")
         (layout,) = self._base.execute("PRAGMA user_version").fetchone()
         (tables,) = self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        if layout == 0 and tables == 0:
+        if layout != (LAYOUT if tables else 0):
+            raise ValueError(f"its layout is {layout}, not {LAYOUT}")
+        # Not before: it writes into the file.
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = FULL")
+        if not tables:
             values = {"name": secrets.token_hex(8), "epoch": "", "sequence": "0", "last": "0", "thrown_away": "0"}
             rows = ", ".join(f"('{name}', '{value}')" for name, value in values.items())
             self._base.executescript(
                 f"BEGIN; {_TABLES} INSERT INTO meta VALUES {rows}; PRAGMA user_version = {LAYOUT}; COMMIT;"  # noqa: S608 our own
             )
-        elif layout != LAYOUT:
-            raise ValueError(f"its layout is {layout}, not {LAYOUT}")
         meta = dict(self._base.execute("SELECT name, value FROM meta").fetchall())
         self.name: str = meta["name"]
         """Random, another one for each file."""

@@ -160,14 +160,15 @@ class Store:
         )
 
     def _open(self) -> None:
-        self._base.execute("PRAGMA journal_mode = WAL")
-        self._base.execute("PRAGMA synchronous = FULL")
         (layout,) = self._base.execute("PRAGMA user_version").fetchone()
         (tables,) = self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        if layout == 0 and tables == 0:
-            self._base.executescript(f"BEGIN; {_TABLES} PRAGMA user_version = {LAYOUT}; COMMIT;")
-        elif layout != LAYOUT:
+        if layout != (LAYOUT if tables else 0):
             raise ValueError(f"its layout is {layout}, not {LAYOUT}")
+        # Not before: it writes into the file.
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = FULL")
+        if not tables:
+            self._base.executescript(f"BEGIN; {_TABLES} PRAGMA user_version = {LAYOUT}; COMMIT;")
 
     def _admit(self, box: str) -> bool:
         """Whether the box is known, or may be from now on."""
