@@ -24,6 +24,7 @@ from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon.alone import alone, lock_directory
 from dnb_edge.daemon.camera import SameCamera
 from dnb_edge.daemon.catchup import ResumedCore
+from dnb_edge.daemon.eye import Eye
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.log_aside import log_aside
@@ -161,7 +162,7 @@ def _prepared(
     race = Race(
         info=info,
         feed=feed,
-        detector=rooms.detector,
+        eyes=[Eye(detector=rooms.detector, live=info.live, drift=rooms.drift)],
         core=core,
         meter=_meter(rooms, info, earlier),
         laps=0 if earlier is None else len(earlier.laps),
@@ -170,7 +171,6 @@ def _prepared(
         notifier=party.notifier,
         recorder=recorder,
         stop=stop,
-        drift=rooms.drift,
         machine=None if machine is None else lambda: machine.state,
         on_ready=keeper(rooms, options.last_good),
         vehicles=None if live is None else live.vehicles,

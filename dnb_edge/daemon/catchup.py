@@ -86,9 +86,13 @@ class ResumedCore:
         """Waits until the saved frames have been raced, or the race was stopped."""
         self._thread.join()
 
-    def windows(self, t_ns: int) -> tuple[SearchWindow, ...]:
+    def windows(self, t_ns: int, camera: int = 0) -> tuple[SearchWindow, ...]:
         """As `Core.windows`."""
-        return (self._scout or self._core).windows(t_ns)
+        return (self._scout or self._core).windows(t_ns, camera)
+
+    def is_awaited(self, t_ns: int, camera: int) -> bool:
+        """As `Core.is_awaited`."""
+        return (self._scout or self._core).is_awaited(t_ns, camera)
 
     def notes(self) -> tuple[str, ...]:
         """As `Core.notes`, with what there is to say of the earlier run."""

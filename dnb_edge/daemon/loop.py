@@ -14,15 +14,14 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from dnb_edge.capture.decode import decode_bgr
-from dnb_edge.capture.picture_health import REMEDIES, PictureFault, PictureJudge, PictureLimits
 from dnb_edge.core import Core
 from dnb_edge.daemon.catchup import ResumedCore
+from dnb_edge.daemon.eye import Eye, nothing_in
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.progress import Progress
 from dnb_edge.daemon.sinks import Sink
 from dnb_edge.daemon.vehicle import VehicleInbox
-from dnb_edge.detect.protocol import Detector
 from dnb_edge.display.base import Display, DisplayStatus
 from dnb_edge.display.service import ServiceNotifier
 from dnb_edge.machine.state import MachineState
@@ -39,14 +38,9 @@ from dnb_edge.values import (
     RunSummary,
     SourceInfo,
 )
-from dnb_edge.view.drift import DriftWatch
 
 TICK_S = 0.25
 """Longest wait for a frame before the loop looks after the watchdog and the stop signal."""
-
-FROZEN_S = 5.0
-"""For how long a camera may repeat one picture before it is opened anew; each time in vain doubles that."""
-FROZEN_MOST_S = 60.0
 
 LAST_SYNC_S = 0.5
 """For how long the last Health waits for the disk to take the last lap."""
@@ -67,7 +61,8 @@ class Race:
 
     info: SourceInfo
     feed: FrameFeed
-    detector: Detector
+    eyes: Sequence[Eye]
+    """What looks at each camera's pictures, by its number."""
     core: Core | ResumedCore
     meter: Meter
     sinks: Sequence[Sink]
@@ -75,8 +70,6 @@ class Race:
     notifier: ServiceNotifier
     recorder: Recorder | None
     stop: Stop
-    drift: DriftWatch | None = None
-    """Watches whether the camera stays in its place; None where nobody does."""
     machine: Callable[[], MachineState] | None = None
     """The machine's latest state, which never blocks; None for files and the simulator."""
     on_ready: Callable[[], None] | None = None
@@ -88,17 +81,12 @@ class Race:
     _told_fault: str | None = None
     _told_outages: int = 0
     _known_warnings: frozenset[str] = frozenset()
-    _pictures: PictureJudge = field(init=False)
     _progress: Progress = field(init=False)
-    _frozen_t_ns: int | None = None
-    """Since when the picture has been frozen, or was last renewed."""
-    _frozen_patience_s: float = FROZEN_S
     _earlier_laps: int = field(init=False)
     """Laps that the disk had before this race began: of the one that it goes on with."""
 
     def __post_init__(self) -> None:
         self._earlier_laps = self.laps
-        self._pictures = PictureJudge(live=self.info.live)
         self._progress = Progress(self.notifier, self.recorder)
 
     def run(self) -> RunSummary:
@@ -124,7 +112,9 @@ class Race:
             detected_frames=self.meter.detected_frames,
             laps=self.laps,
             recording=None,
-            bad_pictures=tuple(f"{fault} for {lasted:.1f} s" for fault, lasted in self._pictures.lasted_s.items()),
+            bad_pictures=tuple(
+                f"{fault} for {lasted:.1f} s" for eye in self.eyes for fault, lasted in eye.pictures.lasted_s.items()
+            ),
         )
 
     def _race(self, frame: Frame) -> None:
@@ -135,12 +125,14 @@ class Race:
             self._ready()
         self._last_t_ns = frame.t_ns
         self.meter.frame(frame)
-        picture_changed = self._pictures.look(image, frame.t_ns)
-        self.meter.picture = self._pictures.fault
-        self._thaw(frame.t_ns)
-        view_changed = self._watch(image, frame)
+        eye = self.eyes[frame.camera]
+        changed = eye.look(image, frame, renew=self.feed.renew)
+        self._note_eyes()
         found = replace(
-            self._detect(image, frame), view_moved_m=self.meter.view_moved_m, stamp_source=frame.stamp_source
+            self._detect(image, frame, eye),
+            view_moved_m=eye.moved_m,
+            stamp_source=frame.stamp_source,
+            camera=frame.camera,
         )
         for sink in self.sinks:
             sink.frame(frame, found)
@@ -152,7 +144,7 @@ class Race:
             self._tell(event)
         self._tell_vehicles(frame.t_ns)
         failed = self.feed.outages != self._told_outages
-        if self.meter.due or picture_changed or view_changed or failed:
+        if self.meter.due or changed or failed:
             self._tell(self._health())
 
     def _picture(self, frame: Frame) -> BgrImage | None:
@@ -173,32 +165,18 @@ class Race:
         if self.on_ready is not None:
             self.on_ready()
 
-    def _thaw(self, t_ns: int) -> None:
-        """Has a camera that repeats one picture opened anew, ever more seldom where that does not help."""
-        if self._pictures.fault is not PictureFault.FROZEN:
-            self._frozen_t_ns, self._frozen_patience_s = None, FROZEN_S
-        elif self._frozen_t_ns is None:
-            # Told only after a while: by then it has been frozen for so long already.
-            self._frozen_t_ns = t_ns - round(PictureLimits().frozen_s * 1e9)
-        elif t_ns - self._frozen_t_ns >= self._frozen_patience_s * 1e9:
-            self._frozen_t_ns = t_ns
-            self._frozen_patience_s = min(2.0 * self._frozen_patience_s, FROZEN_MOST_S)
-            self.feed.renew(REMEDIES[PictureFault.FROZEN])
+    def _note_eyes(self) -> None:
+        """What is wrong with the cameras' pictures and places: of several cameras the first that is amiss."""
+        self.meter.picture = next((eye.pictures.fault for eye in self.eyes if eye.pictures.fault is not None), None)
+        worst = max(self.eyes, key=lambda eye: eye.moved_m or 0.0)
+        self.meter.view_moved_m = worst.moved_m
+        self.meter.view_warning = None if worst.drift is None else worst.drift.warning
 
-    def _watch(self, image: BgrImage, frame: Frame) -> bool:
-        """Sees whether the camera is still in its place; True where that has changed. A blind picture tells nothing."""
-        if self.drift is None or not self._pictures.shows_something:
-            return False
-        changed = self.drift.look(image, frame.t_ns)
-        self.meter.view_moved_m, self.meter.view_warning = self.drift.moved_m, self.drift.warning
-        return changed
-
-    def _detect(self, image: BgrImage, frame: Frame) -> FrameDetections:
-        """What the detector finds; nothing in a picture that shows nothing, of which it must not learn a background either."""
-        if not self._pictures.shows_something:
-            return FrameDetections(sequence=frame.sequence, t_ns=frame.t_ns, detections=(), full_frame=False)
-        windows = self.core.windows(frame.t_ns)
-        return self.detector.detect(image, sequence=frame.sequence, t_ns=frame.t_ns, windows=windows)
+    def _detect(self, image: BgrImage, frame: Frame, eye: Eye) -> FrameDetections:
+        """What is found in the picture, where the core would have it looked for."""
+        if not self.core.is_awaited(frame.t_ns, frame.camera):
+            return nothing_in(frame)
+        return eye.detect(image, frame, self.core.windows(frame.t_ns, frame.camera))
 
     def _tell(self, event: Event) -> None:
         self.laps += isinstance(event, Lap)
@@ -216,8 +194,8 @@ class Race:
         fault = self._camera_fault()
         faults = () if fault is None else (fault,)
         warnings = (*faults, *(warning for sink in self.sinks for warning in sink.warnings))
-        unwatched = None if self.drift is None else self.drift.note
-        notes = (*self.core.notes(), *(() if unwatched is None else (unwatched,)))
+        unwatched = [eye.drift.note for eye in self.eyes if eye.drift is not None and eye.drift.note is not None]
+        notes = (*self.core.notes(), *unwatched)
         health = self.meter.health(
             display=self._display(),
             recording=self._recording(),

@@ -104,6 +104,8 @@ class Frame:
     bgr: BgrImage | None = None
     arrived_ns: int | None = None
     """When a camera's frame came out of its driver, ns of CLOCK_MONOTONIC; None for files and the simulator."""
+    camera: int = 0
+    """Which camera's it is, counted from 0; sources themselves know of one."""
 
     def __post_init__(self) -> None:
         if (self.jpeg is None) == (self.bgr is None):

@@ -13,6 +13,7 @@ from dnb_edge.assembly import assemble
 from dnb_edge.capture.source import FrameSource
 from dnb_edge.config.load import load_config
 from dnb_edge.core import Core, CoreSetup
+from dnb_edge.daemon.eye import Eye
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.meter import Meter
@@ -168,7 +169,7 @@ def race_live(
         Race(
             info=source.info,
             feed=feed,
-            detector=truth,
+            eyes=[Eye(detector=truth, live=source.info.live)],
             core=Core(setup),
             meter=Meter(view_error_mean_px=None, view_error_mean_m=None),
             sinks=[*sinks, diary],

@@ -17,6 +17,7 @@ from dnb_edge.capture.source import FrameSource
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.core import Core, CoreSetup
+from dnb_edge.daemon.eye import Eye
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.meter import Meter
@@ -88,11 +89,18 @@ def clip(shift_px: float, *, seconds: float = 14.0) -> Clip:
 def raced(setup: CoreSetup, source: Clip) -> tuple[Diary, Panel]:
     """What a race over the clip says and shows."""
     diary, panel, notifier = Diary(), Panel(), ServiceNotifier()
+    watched = watched_track(setup.ground, setup.track.centreline.points_m)
     with FrameFeed(source, never) as feed:
         Race(
             info=info(live=False),
             feed=feed,
-            detector=Watcher(),
+            eyes=[
+                Eye(
+                    detector=Watcher(),
+                    live=False,
+                    drift=DriftWatch(watched),
+                )
+            ],
             core=Core(setup),
             meter=Meter(view_error_mean_px=None, view_error_mean_m=None),
             sinks=[BoardSink([panel], notifier, None), diary],
@@ -100,7 +108,6 @@ def raced(setup: CoreSetup, source: Clip) -> tuple[Diary, Panel]:
             notifier=notifier,
             recorder=None,
             stop=threading.Event(),
-            drift=DriftWatch(watched_track(setup.ground, setup.track.centreline.points_m)),
         ).run()
     return diary, panel
 

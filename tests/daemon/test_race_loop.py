@@ -16,6 +16,7 @@ from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon import feed as feed_module
+from dnb_edge.daemon.eye import Eye
 from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.loop import Race
 from dnb_edge.daemon.meter import Meter
@@ -68,7 +69,7 @@ class Track:
         return Race(
             info=info(live=live),
             feed=feed,
-            detector=watcher if watcher is not None else Watcher(),
+            eyes=[Eye(detector=watcher if watcher is not None else Watcher(), live=live)],
             core=Core(self._setup),
             meter=Meter(view_error_mean_px=None, view_error_mean_m=None),
             sinks=[BoardSink([self.panel], notifier, None), self.diary],
