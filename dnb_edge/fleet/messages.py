@@ -147,8 +147,8 @@ def decode(kind: type[T], payload: bytes) -> T:
         raise WorkError(f"a message of {len(payload)} bytes, {MOST_BYTES} at most")
     try:
         found = wire.from_json(kind, payload)
-        # Python's reader takes Infinity, which no JSON has: it would break whoever reads what we store.
-        json.dumps(wire.to_dict(found), allow_nan=False)
+        # Python's reader takes Infinity, which no JSON has, and halves of characters, which no file has.
+        json.dumps(wire.to_dict(found), allow_nan=False, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
         raise WorkError(f"no {kind.__name__}: {error}") from error
     return found
