@@ -8,6 +8,7 @@ import { TrackMap } from "./board_map.js";
 import { Sounds } from "./board_sound.js";
 import * as B from "./board_state.js";
 import { Traces } from "./board_trace.js";
+import { Vehicles } from "./board_vehicle.js";
 import { BoardView } from "./board_view.js";
 import { fixed, lapSentence } from "./board_words.js";
 import { follow, Line } from "./live.js";
@@ -20,6 +21,7 @@ const map = canvas === undefined ? null : new TrackMap(canvas);
 const clock = new SourceClock();
 const forward = new Forward();
 const traces = new Traces();
+const vehicles = new Vehicles();
 const sounds = new Sounds();
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -36,6 +38,7 @@ let fold = 0;
 function reset() {
   board = B.newBoard(state?.laps_wanted ?? null);
   traces.reset();
+  vehicles.reset();
   clock.reset();
   dirty = applianceDirty = true;
 }
@@ -60,7 +63,7 @@ follow({
     dirty = true;
   },
   onEvent(event, { sequence, past }) {
-    if (sequence < first) return;
+    if (sequence < first || vehicles.heard(event, performance.now())) return;
     const earlier = board;
     board = B.after(board, event);
     traces.after(board, event);
@@ -106,6 +109,7 @@ function paint(now_ms) {
     applianceDirty = false;
     view.appliance(board.health, state, line, retryAt === null ? null : (retryAt - Date.now()) / 1000);
   }
+  view.vehicles(vehicles.facts(now_ms));
   map?.paint(cars(shown));
   requestAnimationFrame(paint);
 }

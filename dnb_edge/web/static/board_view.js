@@ -60,6 +60,15 @@ export class BoardView {
     document.body.classList.toggle("is-old", line !== "connected");
   }
 
+  /** What cars tell of themselves: rows of names and values. */
+  vehicles(facts) {
+    this.#once("vehicles", JSON.stringify(facts), () => {
+      const list = this.#places.get("vehicles");
+      list.closest("[data-optional]").hidden = facts.length === 0;
+      list.replaceChildren(...facts.flatMap(factRow));
+    });
+  }
+
   /** Say it to those who listen with a screen reader. */
   announce(text) {
     const region = this.#places.get("said");
@@ -121,7 +130,7 @@ export class BoardView {
 
   #facts(facts) {
     const list = this.#places.get("health");
-    list.replaceChildren(...facts.flatMap(({ name, value, kind }) => [made("dt", "", name), made("dd", kind === "" ? "" : `is-${kind}`, value)]));
+    list.replaceChildren(...facts.flatMap(factRow));
   }
 
   #notices(told) {
@@ -140,6 +149,10 @@ export class BoardView {
       }),
     );
   }
+}
+
+function factRow({ name, value, kind }) {
+  return [made("dt", "", name), made("dd", kind === "" ? "" : `is-${kind}`, value)];
 }
 
 function lapRow(lap) {
