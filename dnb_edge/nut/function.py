@@ -15,6 +15,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import cv2
 
@@ -136,24 +137,36 @@ def open_function(place: str, patience: Patience) -> FunctionDriver:
         raise InputError(f"{word}: cannot be imported: {_told(error)}") from error
     if not (callable(found) or hasattr(found, "drive")):
         raise InputError(f"{word}: {attribute} can neither be called nor has a method drive")
-    return FunctionDriver(found, name=attribute, patience=patience)
+    stem = Path(module_name).stem if module_name.endswith(".py") else module_name
+    return FunctionDriver(found, name=f"{stem}.{attribute}", patience=patience)
 
 
 def _module(name: str) -> Any:
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)  # last: a file of the user's hides no package
+    _look_in(Path.cwd())
     return importlib.import_module(name)
 
 
 def _file(path: Path) -> Any:
-    """The file as a module under its stem's name, which no other import finds."""
-    spec = importlib.util.spec_from_file_location(f"dnb_edge_driver_{path.stem}", path)
+    """The file as a module of its own, run anew; it finds the modules beside it, as a script does."""
+    name = f"dnb_edge_driver_{path.stem}_{crc32(str(path.resolve()).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} is no Python file")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    _look_in(path.resolve().parent)
+    sys.modules[name] = module  # dataclasses look their module up
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
     return module
+
+
+def _look_in(folder: Path) -> None:
+    """Modules are looked for there, too: last, so that a file of the user's hides no package."""
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
 
 
 def _told(error: BaseException) -> str:

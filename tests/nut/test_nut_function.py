@@ -1,6 +1,7 @@
 """Drivers in Python from outside: functions, classes and whole drivers; what raises, hangs or answers nonsense ends the run."""
 
 import re
+import sys
 import textwrap
 
 import pytest
@@ -11,8 +12,11 @@ from dnb_edge.nut.open import open_driver
 from dnb_edge.sim.control import DriverFailed
 
 CODE = """
+    from __future__ import annotations
     import sys, time
+    from dataclasses import dataclass
     import numpy as np
+    import nut_test_module_beside
     from dnb_edge.sim.control import Control
 
     def function(rgb, speed_mps):
@@ -26,6 +30,12 @@ CODE = """
         def __call__(self, rgb, speed_mps):
             self.seen += 1
             return self.seen / 10, Once.made / 10
+
+    @dataclass
+    class Kept:
+        gain: float = 0.5
+        def __call__(self, rgb, speed_mps):
+            return self.gain, nut_test_module_beside.THROTTLE
 
     class Whole:
         knows_truth = True
@@ -58,20 +68,31 @@ CODE = """
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(tmp_path, monkeypatch):
     path = tmp_path / "ours.py"
     path.write_text(textwrap.dedent(CODE))
+    (tmp_path / "nut_test_module_beside.py").write_text("THROTTLE = 0.75")
+    monkeypatch.setattr("sys.path", [*sys.path])
     return path
 
 
 def test_a_function_drives(file):
     """It gets red, green, blue and the speed, and its two numbers are the control."""
     driver = open_driver(f"python:{file}:function", patience=LONG)
-    assert (driver.name, driver.knows_truth) == ("function", False)
+    assert (driver.name, driver.knows_truth) == ("ours.function", False)
     driver.start(BRIEFING)
     control = driver.drive(sight(speed_mps=0.75))
     assert (control.steering, control.throttle) == pytest.approx((0.2, 0.75))
     driver.close()
+    driver.close()
+
+
+def test_a_file_finds_what_lies_beside_it(file):
+    """Modules of its own folder, as for a script, and dataclasses, which look for their module."""
+    driver = open_driver(f"python:{file}:Kept", patience=LONG)
+    driver.start(BRIEFING)
+    control = driver.drive(sight())
+    assert (control.steering, control.throttle) == (0.5, 0.75)
     driver.close()
 
 
@@ -101,7 +122,6 @@ def test_a_module_of_the_working_directory_is_found(file, monkeypatch):
     """Modules are named as in an import."""
     monkeypatch.chdir(file.parent)
     (file.parent / "nut_test_module_of_ours.py").write_text(file.read_text())
-    monkeypatch.setattr("sys.path", [*__import__("sys").path])
     driver = open_driver("python:nut_test_module_of_ours:function", patience=LONG)
     driver.start(BRIEFING)
     assert driver.drive(sight()).throttle == 0.25
