@@ -62,9 +62,9 @@ def make_report(spec: dict[str, Any], out: Path, tell: Tell) -> dict[str, Any]:
 
 def make_table(spec: dict[str, Any], out: Path, tell: Tell) -> dict[str, Any]:
     """The table of entries over the recordings `paths`: its text in each format, and what to know of it, as JSON."""
-    from dnb_edge.archive.comparable import check_comparable  # noqa: PLC0415 the page's small jobs need none of it
-    from dnb_edge.archive.replayed import replay  # noqa: PLC0415
-    from dnb_edge.archive.trials import raced  # noqa: PLC0415
+    from dnb_edge.archive.bench_cards import cards_beside, with_cards  # noqa: PLC0415 the page's small jobs need none of it
+    from dnb_edge.archive.comparable import check_comparable  # noqa: PLC0415
+    from dnb_edge.archive.trials import raced_file, told_apart  # noqa: PLC0415
     from dnb_edge.report.table import RowsBy, result_table  # noqa: PLC0415
     from dnb_edge.report.table_files import as_csv, as_json_lines  # noqa: PLC0415
     from dnb_edge.report.table_latex import as_latex  # noqa: PLC0415
@@ -73,8 +73,10 @@ def make_table(spec: dict[str, Any], out: Path, tell: Tell) -> dict[str, Any]:
     found = []
     for done, path in enumerate(paths):
         tell(f"Racing recording {done + 1} of {len(paths)} again", done / len(paths))
-        found.append(raced(replay(path)))
-    warnings = [*check_comparable(found), *(f"{run.path.name}: {text}" for run in found for text in run.warnings)]
+        found.append(raced_file(path))
+    found, cards_told = with_cards(told_apart(found), cards_beside(paths))
+    told = [f"{run.path.name}: {text}" for run in found for text in run.warnings]
+    warnings = [*check_comparable(found), *cards_told, *told]
     table = result_table((trial for run in found for trial in run.trials), RowsBy(spec["by"]))
     rows = [json.loads(line) for line in as_json_lines(table).splitlines()]
     made = {"csv": as_csv(table), "latex": as_latex(table), "rows": rows, "notes": list(table.notes)}

@@ -6,23 +6,25 @@ Knows who drove which car; knows nothing of means.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
-from dnb_edge.archive.replayed import Replayed
+from dnb_edge.archive.replayed import Replayed, replay
+from dnb_edge.archive.vehicle_told import told_inference_ms
 from dnb_edge.core import CoreSetup
 from dnb_edge.record.header import RunHeader
 from dnb_edge.record.identity import Identity, identity_of
+from dnb_edge.record.reader import read_run
 from dnb_edge.report.table import Trial
 from dnb_edge.values import Clock, EntryInfo, Event, Incident, IncidentKind, Lap, Standings
 
 USUAL_TASK = "lane-following"
 """What a run is about that names no task: to follow the lane, in reality as in simulation."""
 
-_LOOP = "loop"
-"""Scheme of the URI of a closed-loop drive."""
+_LOOP = "loop:"
+"""How the URI of a closed-loop drive begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,12 @@ class Raced:
     """What was asked of the driver."""
     warnings: tuple[str, ...] = ()
     """What a reader of the figures must know, a sentence each."""
+
+
+def raced_file(path: Path, *, edits: bool = True, changed: Callable[[CoreSetup], CoreSetup] | None = None) -> Raced:
+    """The recording at `path`, raced again as `replay` does, with what vehicles told in it. Raises what that raises."""
+    run = read_run(path, keep_detections=True)
+    return raced(replay(path, edits=edits, changed=changed, read=run), told_inference_ms(run))
 
 
 def raced(replayed: Replayed, told_ms: Mapping[int, Sequence[float]] | None = None) -> Raced:
@@ -108,14 +116,14 @@ def _short_names(paths: Sequence[Path]) -> list[str]:
 
 
 def _is_loop(header: RunHeader) -> bool:
-    return urlsplit(header.source.uri).scheme == _LOOP
+    return header.source.uri.startswith(_LOOP)
 
 
 def _task(header: RunHeader) -> str:
     """The task of a closed-loop drive, as its session or else its URI names it; the usual one for all other sources."""
     if not _is_loop(header):
         return USUAL_TASK
-    kinds = parse_qs(urlsplit(header.source.uri).query).get("task")
+    kinds = parse_qs(header.source.uri.rpartition("?")[2]).get("task")
     return header.session or (kinds[0] if kinds else USUAL_TASK)
 
 

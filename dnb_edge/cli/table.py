@@ -13,14 +13,11 @@ from rich.progress import track
 
 from dnb_edge.archive.bench_cards import cards_beside, cards_named, with_cards
 from dnb_edge.archive.comparable import Group, check_comparable, grouped
-from dnb_edge.archive.replayed import replay
 from dnb_edge.archive.rescore import Wanted
-from dnb_edge.archive.trials import Raced, raced, told_apart
-from dnb_edge.archive.vehicle_told import told_inference_ms
+from dnb_edge.archive.trials import Raced, raced_file, told_apart
 from dnb_edge.cli.replay_options import WithEdits
 from dnb_edge.cli.results import FigureFormat, Runs, recordings
 from dnb_edge.record.chain import continued
-from dnb_edge.record.reader import read_run
 from dnb_edge.report.table import ResultTable, RowsBy, result_table
 from dnb_edge.report.table_files import as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex
@@ -123,9 +120,4 @@ def _raced(runs: list[Path], wanted: Wanted, *, edits: bool) -> list[Raced]:
     files = [path for real, path in named.items() if real not in gone_on]
     console = Console(stderr=True)
     shown = track(files, "Scoring", console=console, transient=True, disable=len(files) < 2 or not console.is_terminal)
-    return [_one(path, wanted, edits=edits) for path in shown]
-
-
-def _one(path: Path, wanted: Wanted, *, edits: bool) -> Raced:
-    run = read_run(path, keep_detections=True)
-    return raced(replay(path, edits=edits, changed=wanted.change(path), read=run), told_inference_ms(run))
+    return [raced_file(path, edits=edits, changed=wanted.change(path)) for path in shown]

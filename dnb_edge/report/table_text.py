@@ -17,7 +17,7 @@ DNF = "DNF"
 NO_VALUE = "-"
 """A figure that there is none of, in text."""
 
-INTERVALS = "[ ]: 95 % confidence interval of the mean, over laps where there is one run, else over runs; sd: of laps"
+INTERVALS = "[ ]: 95 % confidence interval, over laps where there is one run, else over runs; sd: of laps"
 
 
 INFERENCE = "Inference: median / 95th percentile for one picture, of the network alone"
