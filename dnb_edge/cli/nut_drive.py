@@ -81,7 +81,7 @@ def drive(
             _clear(directory)
     made = ranked(results[0].task, results, by)
     if as_json:
-        _say_json({"event": "ranking"} | wire.to_dict(made))
+        _say_json(ranking_line(made))
     else:
         out = Console(markup=False)
         _print_drives(out, results)
@@ -166,6 +166,16 @@ def _drive_line(result: TrialResult) -> dict[str, Any]:
     for told, lap in zip(line["laps"], result.laps, strict=True):
         told["error_ms"] = lap.error_ms
     return line | {"score": result.score, "worst_error_ms": result.worst_error_ms}
+
+
+def ranking_line(made: CampaignRanking) -> dict[str, Any]:
+    """The ranking as one JSON object. The intervals' degrees of freedom are left out: they may be infinite, which JSON is not."""
+    line = {"event": "ranking"} | wire.to_dict(made)
+    for row in line["rows"]:
+        for figure in (row[name] for name in ("score", "time_s", "to_start_s")):
+            if figure is not None:
+                del figure["df"]
+    return line
 
 
 def _say_json(line: dict[str, Any]) -> None:

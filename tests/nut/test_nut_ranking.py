@@ -1,11 +1,13 @@
 """The ranking of a campaign: who is first by what, how sure it is, and what it says of those who did not complete."""
 
+import json
 import random
 from dataclasses import replace
 
 import pytest
 from nut_results import LAP, RESULT
 
+from dnb_edge.cli.nut_drive import ranking_line
 from dnb_edge.nut.campaign import TrialResult
 from dnb_edge.nut.ranking import CampaignRanking, RankBy, ranked
 
@@ -69,6 +71,14 @@ def test_the_order_of_the_results_changes_nothing() -> None:
     results = drives("one", 90.0, 8.0) + drives("other", 91.0, 8.1) + drives("third", 85.0, 8.1)
     shuffled = random.Random(3).sample(results, len(results))
     assert ranked("t", shuffled, RankBy.SCORE) == ranked("t", results, RankBy.SCORE)
+
+
+def test_drives_that_are_all_alike_can_be_told_as_json() -> None:
+    """A driver that never completes a lap has no spread, and no number that JSON lacks is told of it."""
+    hopeless = [replace(one, laps=(), completed=False, to_start_s=None) for one in drives("hopeless", 0, 8)]
+    line = ranking_line(ranked("t", hopeless + drives("sound", 90, 8), RankBy.SCORE))
+    told = json.loads(json.dumps(line, allow_nan=False))
+    assert [row["score"]["mean"] for row in told["rows"]][1] == 0.0
 
 
 def test_one_seed_has_places_and_no_intervals() -> None:
