@@ -41,12 +41,12 @@ class FunctionDriver:
         self._thread = _Thread(self.name)
         self._driver = self._found
         if inspect.isclass(self._found):
-            self._driver = self._ask(self._found, "to be made", self._patience.start_s)
+            self._driver = self._ask(self._found, "when it was to be made", self._patience.start_s)
         if not (callable(self._driver) or hasattr(self._driver, "drive")):
             raise DriverFailed(f"{self.name}: what its class makes can neither be called nor has a method drive")
         begin = getattr(self._driver, "start", None)
         if begin is not None:
-            self._ask(lambda: begin(briefing), "to start", self._patience.start_s)
+            self._ask(lambda: begin(briefing), "when it was to start", self._patience.start_s)
 
     def drive(self, sight: Sight) -> Control:
         """What it answered. Raises `DriverFailed` where it raises, hangs, or answers what is no control."""
@@ -74,7 +74,7 @@ class FunctionDriver:
         end = getattr(self._driver, "close", None)
         try:
             if end is not None and not inspect.isclass(self._driver) and not thread.stuck:
-                thread.ask(end, "to close", self._patience.end_s)
+                thread.ask(end, "when it was to close", self._patience.end_s)
         finally:
             thread.end()
 
@@ -105,7 +105,7 @@ class _Thread:
             raise DriverFailed(f"{self._name}: no answer {what} within {limit_s:g} s: it hangs") from None
         if fine:
             return answer
-        raise DriverFailed(f"{self._name}: {_told(answer)} {what}") from answer
+        raise DriverFailed(f"{self._name}: {_told(answer)}, no answer {what}") from answer
 
     def end(self) -> None:
         """Nothing more will be asked."""

@@ -101,7 +101,7 @@ class ProcessDriver:
         except TooLong:
             raise DriverFailed(f"{self.name}: more than {MOST_LINE_BYTES} bytes without a line's end {when}") from None
         except Gone:
-            raise DriverFailed(f"{self.name}: {self._link.fate()} {when}") from None
+            raise DriverFailed(f"{self.name}: {self._link.fate()}, no answer {when}") from None
 
     def _object(self, line: bytes, when: str) -> dict[str, Any]:
         try:

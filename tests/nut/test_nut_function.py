@@ -131,7 +131,7 @@ def test_a_module_of_the_working_directory_is_found(file, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("raises", "raises: ValueError: two lines to the picture at 1.000 s"),
+        ("raises", "raises: ValueError: two lines, no answer to the picture at 1.000 s"),
         ("leaves", "leaves: SystemExit: bye"),
         ("hangs", "hangs: no answer to the picture at 1.000 s within 0.5 s: it hangs"),
         ("one", "one: answered 0.5 to the picture at 1.000 s: must be two numbers, steering and throttle"),
@@ -140,7 +140,7 @@ def test_a_module_of_the_working_directory_is_found(file, monkeypatch):
         ("nan", "nan: steering nan to the picture at 1.000 s: must be a number between -1 and 1"),
         ("far", "far: throttle -1.001"),
         ("none", "none: answered None"),
-        ("NoCar", "NoCar: RuntimeError: no car to be made"),
+        ("NoCar", "NoCar: RuntimeError: no car, no answer when it was to be made"),
         ("NoDriver", "NoDriver: what its class makes can neither be called nor has a method drive"),
     ],
 )
