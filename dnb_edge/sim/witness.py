@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dnb_edge.sim.circuit import Circuit, edge_line
 from dnb_edge.sim.rig import TrueLap
@@ -23,11 +24,16 @@ STUCK_S = 8.0
 STUCK_M = 0.10
 RUN_OUT_S = 0.8
 """Driven on after the last lap, so that the overhead camera sees the crossing well."""
+LEAST_SHARE = 0.5
+"""A lap is at least this share of the route, driven between its two crossings: not a turn about one end of the line."""
 SLOWEST_MPS = 0.35
 """Who drives slower than this runs out of time, where the task sets no limit of its own."""
 
 _LOOK_S = 0.02
 _ROUTE_STEP_M = 0.005
+_WINDOW = 60
+"""Points of the route, either way, among which the vehicle is looked for first: 0.3 m."""
+_OTHER_STRETCH_M = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +63,7 @@ class LoopTruth:
 
     crossings: tuple[TrueCrossing, ...]
     laps: tuple[TrueLap, ...]
-    """Complete ones: from one forward crossing to the next, a crossing back and forth again left out."""
+    """Complete ones: from one forward crossing to the next, with at least `LEAST_SHARE` of the route driven between them."""
     collisions: tuple[TrueCollision, ...]
     distance_m: float
     """Way of the ground point, forwards and back."""
@@ -83,9 +89,13 @@ class Witness:
         self._crossings: list[TrueCrossing] = []
         self._laps: list[TrueLap] = []
         self._collisions: list[TrueCollision] = []
-        self._debt = 0
-        """Crossings backward that none forward has taken back."""
-        self._lap_began_s: float | None = None
+        self._lap_began: tuple[float, float] | None = None
+        """(instant s, progress m) of the forward crossing with which the running lap began."""
+        self._lap_m = circuit.centreline.length_m
+        self._place = int(self._away_m(start_m).argmin())
+        """Index among `_route_m` of where the vehicle is on the route."""
+        self._progress_m = 0.0
+        """Way along the route since the start, less where it went back."""
         self._distance_m = 0.0
         self._off_lane_s = 0.0
         self._now_s = 0.0
@@ -134,19 +144,35 @@ class Witness:
     def _crossed(self, t_s: float, direction: Direction) -> None:
         self._crossings.append(TrueCrossing(t_s=t_s, direction=direction))
         if direction is Direction.REVERSE:
-            # Before the first lap nothing is lost by it.
-            self._debt += self._lap_began_s is not None
-        elif self._debt:
-            self._debt -= 1
-        else:
-            if self._lap_began_s is not None:
-                self._laps.append(TrueLap(number=len(self._laps) + 1, start_s=self._lap_began_s, end_s=t_s))
-            self._lap_began_s = t_s
+            return
+        if self._lap_began is not None:
+            began_s, began_m = self._lap_began
+            if self._progress_m - began_m < LEAST_SHARE * self._lap_m:
+                return
+            self._laps.append(TrueLap(number=len(self._laps) + 1, start_s=began_s, end_s=t_s))
+        self._lap_began = (t_s, self._progress_m)
+
+    def _away_m(self, at_m: PointM) -> NDArray[np.float64]:
+        """(n,) distances to the points of the route."""
+        offset = self._route_m - np.asarray(at_m)
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", offset, offset)))
+
+    def _come_on(self, away_m: NDArray[np.float64]) -> None:
+        """Follows the vehicle along the route: near where it was, unless another stretch of it is nearer by far."""
+        count = len(away_m)
+        near = (self._place + np.arange(-_WINDOW, _WINDOW + 1)) % count
+        found = int(near[int(away_m[near].argmin())])
+        if away_m[found] > float(away_m.min()) + _OTHER_STRETCH_M:
+            found = int(away_m.argmin())
+        moved = (found - self._place + count // 2) % count - count // 2
+        self._progress_m += moved * self._lap_m / count
+        self._place = found
 
     def _look_round(self, at_m: PointM, since_s: float) -> None:
         """Where the vehicle is on the track, and whether the drive is over."""
-        offset = self._route_m - np.asarray(at_m)
-        aside_m = float(np.sqrt(np.einsum("ij,ij->i", offset, offset).min()))
+        away_m = self._away_m(at_m)
+        self._come_on(away_m)
+        aside_m = float(away_m.min())
         if aside_m > self._half_lane_m:
             self._off_lane_s += since_s
         if math.dist(at_m, self._came_on[1]) > STUCK_M:

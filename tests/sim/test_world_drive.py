@@ -184,6 +184,26 @@ def test_a_crossing_back_and_forth_is_no_lap():
     assert truth.laps == ()
 
 
+def test_a_turn_round_the_lines_end_is_no_lap():
+    """A car that runs in circles crosses the line forward again and again, passing beside its end, and has driven no lap."""
+    world = World(small(time_limit_s=25.0))
+    circles = Scripted(lambda t: Control(steering=0.0 if t < 1.5 else 0.6, throttle=0.25))
+    driven(world, circles, look_ms=20)
+    truth = world.truth()
+    assert len(truth.crossings) >= 4
+    assert {crossing.direction for crossing in truth.crossings} == {Direction.FORWARD}
+    assert truth.laps == ()
+
+
+@pytest.mark.parametrize("name", ["eight", "hairpin", "table"])
+def test_laps_are_told_on_every_circuit(name):
+    """Where the route crosses itself, or two of its lanes lie side by side, each lap is counted once."""
+    world = World(small(place=name, laps=2, seed=3))
+    driven(world, PurePursuit(), look_ms=20)
+    truth = world.truth()
+    assert (truth.ended, len(truth.laps), len(truth.crossings)) == ("laps", 2, 3)
+
+
 def test_wrong_way_starts_on_the_lane_pointing_back():
     """The same place as without, turned round."""
     right, wrong = (World(small(wrong_way=wrong_way)).state(0) for wrong_way in (False, True))
