@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
 import re
 from datetime import UTC, datetime
@@ -31,6 +32,10 @@ from dnb_edge.nut.onnx import Model, load_model
 from dnb_edge.report.files import write_whole
 from dnb_edge.values import BgrImage
 
+BUSY_SHARE = 0.5
+"""Of the cores: a load beyond it is told, since it lies in the times."""
+WIDE = 26
+"""Characters of a percentile with its spread."""
 MOST_PICTURES = 60
 """Of a clip, taken from its beginning: all are kept in memory."""
 
@@ -67,7 +72,7 @@ def bench(
     model = load_model(model_file, threads=threads)
     picture, asides = picture_input(model, parse_size(size)), aside_inputs(model)
     pictures = [] if frames is None else _pictures(frames)
-    before = read_machine()
+    before, load = read_machine(), os.getloadavg()[0]
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         cold_task = progress.add_task("Cold starts", total=effort.cold_starts)
         pass_task = progress.add_task("Passes", total=effort.warm_up + repeats * passes)
@@ -92,6 +97,7 @@ def bench(
             temperature_before_c=before.temperature_c,
             temperature_after_c=after.temperature_c,
             throttled=after.throttled,
+            load=load,
         ),
         threads=threads,
         measured_at=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -103,11 +109,17 @@ def bench(
         fps=fps_of(timed.inference_ms),
         memory=memory,
         cold_start=cold_start,
+        cpu_p50_ms=round(float(np.median(timed.cpu_ms)), 4),
         frames=frames,
         preprocessing=None if timed.preprocessing_ms is None else latency_of(timed.preprocessing_ms),
     )
     write_whole(target, card_text(card).encode())
     console.print(f"Card: {target}")
+    if load > BUSY_SHARE * card.host.cores:
+        console.print(
+            f"The machine was busy with other work (load {load:.1f} on {_count(card.host.cores, 'core')}): the times are too "
+            "long. End it and measure again."
+        )
     if as_json:
         typer.echo(json.dumps(card_object(card)))
     else:
@@ -167,12 +179,15 @@ def _print(card: BenchCard, model: Model) -> None:
     governor = "" if host.governor is None else f", governor {host.governor}"
     heat = "" if host.temperature_after_c is None else f", {host.temperature_after_c:.0f} C"
     typer.echo(f"{host.words}{governor}{heat}{', slowed down' if host.throttled else ''}\n")
-    typer.echo(f"{'':15}{'p50 ms':>18}{'p95 ms':>20}{'p99 ms':>20}{'mean ms':>10}{'max ms':>10}")
+    typer.echo(f"{'':15}{'p50 ms':>{WIDE}}{'p95 ms':>{WIDE}}{'p99 ms':>{WIDE}}{'mean ms':>10}{'max ms':>10}")
     _row("inference", card.inference)
     if card.preprocessing is not None:
         _row("pre-processing", card.preprocessing)
     cold, memory = card.cold_start, card.memory
-    typer.echo(f"\nthroughput  {card.fps:.1f} pictures/s, the network alone, one at a time")
+    typer.echo(
+        f"\nthroughput  {card.fps:.1f} pictures/s, the network alone, one at a time; "
+        f"p50 by processor time {card.cpu_p50_ms:.3f} ms"
+    )
     typer.echo(
         f"cold start  {cold.total_ms:.0f} ms: process {cold.process_ms:.0f}, import {cold.import_ms:.0f}, "
         f"load {cold.load_ms:.0f}, first answer {cold.first_answer_ms:.1f}; median of {cold.starts}"
@@ -190,9 +205,8 @@ def _row(name: str, latency: Latency) -> None:
     percentiles = [
         f"{one.all_ms:.3f} ({one.least_ms:.3f}-{one.most_ms:.3f})" for one in (latency.p50, latency.p95, latency.p99)
     ]
-    typer.echo(
-        f"{name:15}{percentiles[0]:>18}{percentiles[1]:>20}{percentiles[2]:>20}{latency.mean_ms:10.3f}{latency.max_ms:10.3f}"
-    )
+    cells = "".join(f"{one:>{WIDE}}" for one in percentiles)
+    typer.echo(f"{name:15}{cells}{latency.mean_ms:10.3f}{latency.max_ms:10.3f}")
 
 
 def _count(number: int, word: str) -> str:

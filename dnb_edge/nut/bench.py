@@ -35,6 +35,8 @@ class Passes:
     """The very first one of this process."""
     inference_ms: NDArray[np.float64]
     """The network alone."""
+    cpu_ms: NDArray[np.float64]
+    """The same by processor time, all threads of this process together."""
     preprocessing_ms: NDArray[np.float64] | None
     """None where the network saw noise."""
 
@@ -67,21 +69,27 @@ def time_passes(
     noise = np.random.default_rng(0).integers(0, 256, (picture.height_px, picture.width_px, 3), dtype=np.uint8)
     fixed = picture.tensor(noise)
 
-    def one(number: int) -> tuple[float, float]:
+    def one(number: int) -> tuple[float, float, float]:
         began = time.perf_counter()
         tensor = picture.tensor(pictures[number % len(pictures)]) if pictures else fixed
-        ready = time.perf_counter()
-        model.run({picture.name: tensor, **asides})
-        ended = time.perf_counter()
+        feeds = {picture.name: tensor, **asides}
+        cpu_began, ready = time.process_time(), time.perf_counter()
+        model.run(feeds)
+        ended, cpu_ended = time.perf_counter(), time.process_time()
         done()
-        return (ready - began) * 1e3, (ended - ready) * 1e3
+        return (ready - began) * 1e3, (ended - ready) * 1e3, (cpu_ended - cpu_began) * 1e3
 
     first_ms = one(0)[1]
     for number in range(1, effort.warm_up):
         one(number)
     times = np.array([one(number) for number in range(effort.repeats * effort.passes)])
-    shaped = times.T.reshape(2, effort.repeats, effort.passes)
-    return Passes(first_ms=first_ms, inference_ms=shaped[1], preprocessing_ms=shaped[0] if pictures else None)
+    shaped = times.T.reshape(3, effort.repeats, effort.passes)
+    return Passes(
+        first_ms=first_ms,
+        inference_ms=shaped[1],
+        cpu_ms=shaped[2],
+        preprocessing_ms=shaped[0] if pictures else None,
+    )
 
 
 def latency_of(times_ms: NDArray[np.float64]) -> Latency:

@@ -43,6 +43,8 @@ class Host:
     """Of the processor's frequency, such as `ondemand`."""
     temperature_before_c: float | None = None
     temperature_after_c: float | None = None
+    load: Amount | None = None
+    """Processes that wanted a processor, on average over the minute before: more than few, and the times are too long."""
     throttled: bool | None = None
     """Whether the machine slowed itself down, by heat or supply, when the measurement was over."""
 
@@ -135,6 +137,8 @@ class BenchCard:
     """Passes a second, one after the other: the network alone."""
     memory: Memory
     cold_start: ColdStart
+    cpu_p50_ms: Amount | None = None
+    """The network alone by processor time, all threads together: what else the machine does is not in it."""
     frames: str | None = None
     """The clip whose pictures were taken; None for noise."""
     preprocessing: Latency | None = None

@@ -12,8 +12,10 @@ from pathlib import Path
 from dnb_edge.nut.bench_card import Host
 
 
-def read_host(*, temperature_before_c: float | None, temperature_after_c: float | None, throttled: bool | None) -> Host:
-    """This machine, with what its sensors said."""
+def read_host(
+    *, temperature_before_c: float | None, temperature_after_c: float | None, throttled: bool | None, load: float
+) -> Host:
+    """This machine, with what its sensors said and its load before."""
     machine = platform.machine() or "unknown"
     return Host(
         name=platform.node() or "unknown",
@@ -24,6 +26,7 @@ def read_host(*, temperature_before_c: float | None, temperature_after_c: float 
         governor=governor(Path("/")),
         temperature_before_c=temperature_before_c,
         temperature_after_c=temperature_after_c,
+        load=round(load, 2),
         throttled=throttled,
     )
 

@@ -106,7 +106,10 @@ FINE = "tell(t_ns=stamp, steering=0, throttle=0)"
 BAD = {
     "hangs": ("time.sleep(60)", "no answer to the picture at 1.000 s within 0.5 s: it hangs"),
     "half-a-line": ("say.write(b'{'); say.flush(); time.sleep(60)", "it hangs"),
-    "dies": ("print('no such layer', file=sys.stderr); sys.exit(3)", "ended with exit code 3 (no such layer), no answer to the"),
+    "dies": (
+        "print('no such layer', file=sys.stderr); sys.exit(3)",
+        "ended with exit code 3 (no such layer), no answer",
+    ),
     "raises": ("raise ValueError('boo')", "ended with exit code 1 (ValueError: boo), no answer to the"),
     "killed": ("os.kill(os.getpid(), 9)", "ended by SIGKILL, no answer to the picture at 1.000 s"),
     "closes": ("os.close(1); time.sleep(60)", "closed its standard input or output"),
@@ -274,7 +277,9 @@ def test_a_connection_that_is_cut_ends_the_run():
     thread.start()
     driver.start(BRIEFING)
     thread.join()
-    with pytest.raises(DriverFailed, match=r"127\.0\.0\.1-\d+: closed the connection, no answer to the picture at 1\.000 s"):
+    with pytest.raises(
+        DriverFailed, match=r"127\.0\.0\.1-\d+: closed the connection, no answer to the picture at 1\.000 s"
+    ):
         driver.drive(sight())
     driver.close()
     with pytest.raises(DriverFailed, match=rf"{word} cannot be reached: Connection refused"):
