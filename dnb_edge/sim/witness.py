@@ -33,6 +33,7 @@ _LOOK_S = 0.02
 _ROUTE_STEP_M = 0.005
 _WINDOW = 60
 """Points of the route, either way, among which the vehicle is looked for first: 0.3 m."""
+_NEAR = np.arange(-_WINDOW, _WINDOW + 1)
 _OTHER_STRETCH_M = 0.15
 
 
@@ -89,13 +90,12 @@ class Witness:
         self._crossings: list[TrueCrossing] = []
         self._laps: list[TrueLap] = []
         self._collisions: list[TrueCollision] = []
-        self._lap_began: tuple[float, float] | None = None
-        """(instant s, progress m) of the forward crossing with which the running lap began."""
-        self._lap_m = circuit.centreline.length_m
+        self._lap_began_s: float | None = None
+        """Instant of the forward crossing with which the running lap began."""
         self._place = int(self._away_m(start_m).argmin())
         """Index among `_route_m` of where the vehicle is on the route."""
-        self._progress_m = 0.0
-        """Way along the route since the start, less where it went back."""
+        self._driven = np.zeros(len(self._route_m), dtype=np.bool_)
+        """Which of `_route_m` it has passed forward since the running lap began."""
         self._distance_m = 0.0
         self._off_lane_s = 0.0
         self._now_s = 0.0
@@ -145,12 +145,12 @@ class Witness:
         self._crossings.append(TrueCrossing(t_s=t_s, direction=direction))
         if direction is Direction.REVERSE:
             return
-        if self._lap_began is not None:
-            began_s, began_m = self._lap_began
-            if self._progress_m - began_m < LEAST_SHARE * self._lap_m:
+        if self._lap_began_s is not None:
+            if self._driven.mean() < LEAST_SHARE:
                 return
-            self._laps.append(TrueLap(number=len(self._laps) + 1, start_s=began_s, end_s=t_s))
-        self._lap_began = (t_s, self._progress_m)
+            self._laps.append(TrueLap(number=len(self._laps) + 1, start_s=self._lap_began_s, end_s=t_s))
+        self._lap_began_s = t_s
+        self._driven[:] = False
 
     def _away_m(self, at_m: PointM) -> NDArray[np.float64]:
         """(n,) distances to the points of the route."""
@@ -158,14 +158,18 @@ class Witness:
         return np.asarray(np.sqrt(np.einsum("ij,ij->i", offset, offset)))
 
     def _come_on(self, away_m: NDArray[np.float64]) -> None:
-        """Follows the vehicle along the route: near where it was, unless another stretch of it is nearer by far."""
+        """Follows the vehicle along the route: near where it was, unless another stretch of it is nearer by far.
+
+        What lies between two stretches was not driven.
+        """
         count = len(away_m)
-        near = (self._place + np.arange(-_WINDOW, _WINDOW + 1)) % count
-        found = int(near[int(away_m[near].argmin())])
+        moved = int(away_m[(self._place + _NEAR) % count].argmin()) - _WINDOW
+        found = (self._place + moved) % count
         if away_m[found] > float(away_m.min()) + _OTHER_STRETCH_M:
-            found = int(away_m.argmin())
-        moved = (found - self._place + count // 2) % count - count // 2
-        self._progress_m += moved * self._lap_m / count
+            self._place = int(away_m.argmin())
+            return
+        if moved > 0:
+            self._driven[(self._place + np.arange(1, moved + 1)) % count] = True
         self._place = found
 
     def _look_round(self, at_m: PointM, since_s: float) -> None:
