@@ -169,7 +169,7 @@ def _drive_line(result: TrialResult) -> dict[str, Any]:
 
 
 def ranking_line(made: CampaignRanking) -> dict[str, Any]:
-    """The ranking as one JSON object. The intervals' degrees of freedom are left out: they may be infinite, which JSON is not."""
+    """The ranking as one JSON object, without the degrees of freedom: they may be infinite, which JSON cannot say."""
     line = {"event": "ranking"} | wire.to_dict(made)
     for row in line["rows"]:
         for figure in (row[name] for name in ("score", "time_s", "to_start_s")):
