@@ -26,7 +26,7 @@ BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train hardware hardware-check docs-check install-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
+.PHONY: help demo test lint format train train-driver hardware hardware-check docs-check install-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-14s %s\n", $$1, $$2 }'
@@ -64,6 +64,10 @@ format: .venv/.test-installed ## Format the code and mend what ruff can mend
 train: .venv/.train-installed ## Train the detector anew (installs PyTorch: see TORCH_INDEX above)
 	$(call say,python -m dnb_edge.train)
 	@$(BIN)/python -m dnb_edge.train $(TRAIN_FLAGS)
+
+train-driver: .venv/.train-installed ## Train the driving network anew into build/driver (a quarter of an hour; PyTorch as above)
+	$(call say,python -m dnb_edge.train.driver)
+	@$(BIN)/python -m dnb_edge.train.driver --out build/driver $(TRAIN_FLAGS)
 
 hardware: .venv/.hardware-installed ## The kit's printable parts: STL, STEP, drawings and pictures in build/hardware
 	$(call say,python -m hardware build)

@@ -20,8 +20,6 @@ from dnb_edge.values import PointM, Points
 Floats = NDArray[np.float64]
 
 STEP_M = 0.02
-CLEARANCE_M = 0.03
-"""Wanted between the car's side and an obstacle, metres."""
 _PULL = 0.001
 """How strongly the line is drawn back to the centreline each round: with `STEP_M`, bends begin about 0.3 m before."""
 _ROUNDS = 3000
@@ -40,6 +38,8 @@ class Pace:
     """Acceleration and braking that the speed along the line keeps to."""
     least_radius_m: float
     """Of the tightest bend that the vehicle can drive."""
+    clearance_m: float
+    """Wanted between the car's side and an obstacle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,12 +73,12 @@ class DrivingLine:
 
 
 def driving_line(circuit: Circuit, obstacles: Sequence[Obstacle], pace: Pace) -> DrivingLine:
-    """The line on `circuit` that passes `obstacles` with `CLEARANCE_M`, each on its better side, driven at `pace`."""
+    """The line on `circuit` that passes `obstacles`, each on its better side, driven at `pace`."""
     length = circuit.centreline.length_m
     count = max(8, round(length / STEP_M))
     s = np.arange(count) * length / count
     left = circuit.centreline.normal(s)
-    offset = _offsets(circuit, obstacles, s, pace.least_radius_m)
+    offset = _offsets(circuit, obstacles, s, pace)
     points = circuit.centreline.at(s) + offset[:, None] * left
     chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     return DrivingLine(
@@ -89,11 +89,11 @@ def driving_line(circuit: Circuit, obstacles: Sequence[Obstacle], pace: Pace) ->
     )
 
 
-def _offsets(circuit: Circuit, obstacles: Sequence[Obstacle], s: Floats, least_radius_m: float) -> Floats:
+def _offsets(circuit: Circuit, obstacles: Sequence[Obstacle], s: Floats, pace: Pace) -> Floats:
     """(n,) offsets to the left: a rubber band between the limits, drawn gently to the centreline."""
     low, high = np.full(len(s), -np.inf), np.full(len(s), np.inf)
     for one in obstacles:
-        _limit(circuit, one, s, (low, high), least_radius_m)
+        _limit(circuit, one, s, (low, high), pace)
     crossed = low > high
     low[crossed] = high[crossed] = 0.5 * (low[crossed] + high[crossed])
     offset = np.zeros(len(s))
@@ -105,9 +105,7 @@ def _offsets(circuit: Circuit, obstacles: Sequence[Obstacle], s: Floats, least_r
     return _smoothed(offset, _SMOOTHING_M / STEP_M)
 
 
-def _limit(
-    circuit: Circuit, obstacle: Obstacle, s: Floats, limits: tuple[Floats, Floats], least_radius_m: float
-) -> None:
+def _limit(circuit: Circuit, obstacle: Obstacle, s: Floats, limits: tuple[Floats, Floats], pace: Pace) -> None:
     """Raise the lower or lower the upper of `limits`, both (n,) and changed in place, where the car would touch `obstacle`.
 
     Each branch of the lane that passes the obstacle (two where a circuit crosses itself) chooses its own side.
@@ -115,15 +113,15 @@ def _limit(
     away = np.asarray(obstacle.track_m) - circuit.centreline.at(s)
     along = np.einsum("ij,ij->i", away, circuit.centreline.tangent(s))
     aside = np.einsum("ij,ij->i", away, circuit.centreline.normal(s))
-    keep = obstacle.radius_m + 0.5 * WIDTH_M + CLEARANCE_M
-    reach = obstacle.radius_m + 0.5 * LENGTH_M + CLEARANCE_M + _SMOOTHING_M
+    keep = obstacle.radius_m + 0.5 * WIDTH_M + pace.clearance_m
+    reach = obstacle.radius_m + 0.5 * LENGTH_M + pace.clearance_m + _SMOOTHING_M
     beside = (np.abs(along) < reach) & (np.abs(aside) < keep + 0.5 * circuit.lane_width_m)
     for branch in _runs(beside):
         abreast = branch[np.argmin(np.abs(along[branch]))]
         bends = circuit.centreline.curvature(s[branch])
         tightest = float(bends[np.argmax(np.abs(bends))])
         left, right = (
-            _awkwardness(float(aside[abreast]) + side * keep, tightest, least_radius_m) for side in (1.0, -1.0)
+            _awkwardness(float(aside[abreast]) + side * keep, tightest, pace.least_radius_m) for side in (1.0, -1.0)
         )
         if right <= left:
             limits[1][branch] = np.minimum(limits[1][branch], aside[branch] - keep)

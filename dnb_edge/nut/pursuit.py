@@ -31,6 +31,8 @@ class PursuitStyle:
     """The point steered at lies this long ahead, at the present speed..."""
     lookahead_m: tuple[float, float] = (0.16, 0.40)
     """... but within these distances."""
+    clearance_m: float = 0.03
+    """Wanted between the car's side and an obstacle."""
 
 
 _STYLE = PursuitStyle()
@@ -91,6 +93,7 @@ class _Driving:
             lateral_mps2=style.lateral_mps2,
             change_mps2=style.change_mps2,
             least_radius_m=briefing.wheelbase_m / math.tan(briefing.steering_lock_rad),
+            clearance_m=style.clearance_m,
         )
         self._line: DrivingLine = driving_line(briefing.circuit, briefing.obstacles, pace)
         self._index: int | None = None

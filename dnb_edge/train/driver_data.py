@@ -24,7 +24,8 @@ from dnb_edge.sim.world import World
 from dnb_edge.train.driver_network import HEIGHT_PX, WIDTH_PX
 from dnb_edge.values import BgrImage
 
-EXPERT = PursuitStyle(top_mps=1.15, lateral_mps2=1.5)
+EXPERT = PursuitStyle(top_mps=1.15, lateral_mps2=1.5, lookahead_s=0.24, lookahead_m=(0.21, 0.45), clearance_m=0.045)
+"""Slower and gentler than by itself: the network sees no obstacle beside it, so it must not hurry back to the middle."""
 _PLACES = ("demo", "demo", "demo", "hairpin", "table", "eight")
 _OBSTACLE_COUNTS = {"demo": 4, "hairpin": 8, "table": 0, "eight": 4}
 LOST_M = 0.30
@@ -65,10 +66,10 @@ def to_pixels(bgr: BgrImage) -> NDArray[np.uint8]:
 
 
 def lesson_task(seed: int) -> LoopTask:
-    """The drive that `seed` makes: a place, a delay, in half of them things on the lane, in half light that changes."""
+    """The drive that `seed` makes: a place, a delay, in most of them things on the lane, in half light that changes."""
     random = np.random.default_rng([seed, 91])
     where = _PLACES[int(random.integers(len(_PLACES)))]
-    count = _OBSTACLE_COUNTS[where] if random.random() < 0.5 else 0
+    count = _OBSTACLE_COUNTS[where] if random.random() < 0.6 else 0
     dim = random.random() < 0.5
     return LoopTask(
         seed=seed,
@@ -76,7 +77,7 @@ def lesson_task(seed: int) -> LoopTask:
         place=where,
         obstacles=obstacles_beside(place(where).circuit, count=count, seed=seed),
         light=LightChange(depth=0.7 * dim, period_s=8.0, step=0.4 * dim, step_period_s=5.0),
-        delay_s=float(random.uniform(0.02, 0.12)),
+        delay_s=float(random.uniform(0.02, 0.18)),
     )
 
 

@@ -21,7 +21,7 @@ from dnb_edge.sim.circuit import Circuit, demo_circuit
 from dnb_edge.sim.control import Control, DriverFailed, Obstacle, Sight
 from dnb_edge.sim.places import figure_eight, hairpin, table_oval
 
-PACE = Pace(top_mps=1.3, lowest_mps=0.45, lateral_mps2=1.8, change_mps2=1.4, least_radius_m=0.18)
+PACE = Pace(top_mps=1.3, lowest_mps=0.45, lateral_mps2=1.8, change_mps2=1.4, least_radius_m=0.18, clearance_m=0.03)
 DEMO = demo_circuit()
 
 
@@ -65,12 +65,21 @@ def test_line_without_obstacles_is_the_centreline_at_an_allowed_pace():
 def test_each_branch_of_a_crossing_passes_an_obstacle_for_itself():
     """Where a figure of eight crosses itself both branches get round the same obstacle."""
     circuit = figure_eight()
-    one = Obstacle(track_m=(1.53, 1.02), radius_m=0.02)
+    one = Obstacle(track_m=(1.5, 1.03), radius_m=0.02)
     line = driving_line(circuit, [one], PACE)
     gaps = np.linalg.norm(line.points_m - np.asarray(one.track_m), axis=1)
     near = np.flatnonzero(gaps < 0.25)
     assert (np.diff(near) > 20).any()
     assert gaps.min() > 0.02 + 0.5 * WIDTH_M
+    sides = [np.sign(line.offset_m[near[part]].sum()) for part in (near < near.mean(), near > near.mean())]
+    assert sorted(sides) == [-1.0, 1.0]
+
+
+def test_between_two_things_abreast_it_goes_through_the_middle():
+    """Where both sides are limited more than the clearance allows, the line takes the middle between them."""
+    line = driving_line(DEMO, [obstacle(DEMO, 1.0, 0.13), obstacle(DEMO, 1.0, -0.13)], PACE)
+    index = line.nearest(at(DEMO, 1.0).track_m)
+    assert abs(line.offset_m[index]) < 0.005
 
 
 @pytest.mark.parametrize("circuit", [DEMO, table_oval(), hairpin()], ids=lambda one: one.name)
@@ -125,6 +134,14 @@ def test_backing_away_is_not_taken_for_being_blocked():
         away.remember(i * 0.1, Control(steering=0.0, throttle=0.0), 0.0)
 
 
+@pytest.mark.parametrize("error_rad", [-2.5, 2.5])
+def test_turns_the_shorter_way(error_rad):
+    """Where it must turn right it begins with its wheels to the right, and the other way."""
+    wanted = TurnRound().control(0.0, error_rad, 0.0)
+    assert wanted is not None
+    assert wanted.steering == math.copysign(1.0, error_rad)
+
+
 def test_turning_ends_and_keeps_its_side():
     """The side is chosen once, though the error goes over half a turn; it ends when the car points along its line."""
     turn = TurnRound()
@@ -139,14 +156,14 @@ def test_turning_ends_and_keeps_its_side():
 
 @given(steering=st.floats(-1, 1), throttle=st.floats(-1, 1), speed_mps=st.floats(-1, 1.8))
 def test_foresight_agrees_with_a_vehicle_of_its_lags(steering, throttle, speed_mps):
-    """What it foresees over 0.1 s is a bicycle's way: within a centimetre and a half of a vehicle with other lags."""
+    """What it foresees over 0.1 s is a bicycle's way: within 2.5 cm of a vehicle with other lags."""
     brief, control = briefing(DEMO), Control(steering=steering, throttle=throttle)
     state = dataclasses.replace(at(DEMO, 1.0), speed_mps=speed_mps)
     thought = state
     for _ in range(20):
         state = stepped(state, control, brief)
         thought = foreseen(thought, control, brief, 0.005)
-    assert math.dist(state.track_m, thought.track_m) < 0.015
+    assert math.dist(state.track_m, thought.track_m) < 0.025
 
 
 @given(
