@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.score.compare import Sample
-from dnb_edge.score.ranking import Ranking, mean_units, ranking, share_units
+from dnb_edge.score.ranking import Ranking, _resampled, mean_units, ranking, share_units
 from dnb_edge.score.share import Tally
 
 
@@ -52,6 +52,14 @@ def test_an_order_holds_as_often_as_it_is_said_to(runs: int) -> None:
         kept.append(again)
     # A resample varies about a mean that varies itself, so it is somewhat less sure of the order than new runs are.
     assert np.mean(kept) - 0.13 < np.mean(told) < np.mean(kept) + 0.03
+
+
+@pytest.mark.parametrize("runs", [2, 3, 10])
+def test_resampled_means_spread_as_means_do(runs: int) -> None:
+    """The variance over resamples is s^2 / n, which drawing as many runs as there are would make n - 1 nths of."""
+    values = np.random.default_rng(6).normal(10.0, 1.0, runs)
+    means = _resampled(of_runs(*values), 0, 20_000)
+    assert means.var() == pytest.approx(values.var(ddof=1) / runs, rel=0.04)
 
 
 def test_the_best_is_the_first_either_way() -> None:
