@@ -71,7 +71,7 @@ class Listener:
             try:
                 self._follow()
             except TemporaryFault as fault:
-                self._state = replace(self._state, phase=None, reason=str(fault))
+                self._state = replace(self._state, phase=None, reason=str(fault), health=None)
             except DnbEdgeError as error:
                 self._failed = error
                 return

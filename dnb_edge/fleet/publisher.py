@@ -21,6 +21,8 @@ WINDOW = 100
 """Parcels under way that the hub has not stored yet."""
 RESEND_S = 5.0
 """Where the hub has stored nothing of what is under way for so long, it is sent again: a broker may have lost it."""
+HUB_S = 2.0
+"""So soon after the greeting at the latest the broker has said whether there is a hub."""
 STATE_S = 5.0
 """Between two tellings of an unchanged state."""
 CHANGED_S = 1.0
@@ -101,8 +103,8 @@ class Publisher:
         self._announce(line)
         if self._hub.online:
             self._send(line)
-            self._tell("the hub listens" if not self._outbox.waiting else "the hub listens, parcels are under way")
-        else:
+            self._tell("the hub listens" if self._outbox.waiting <= WINDOW else "the hub listens; a long queue is under way")
+        elif self._clock_s() - self._greeted_s > HUB_S:
             self._tell("no hub is there: the queue waits")
 
     def broken(self, why: str) -> None:

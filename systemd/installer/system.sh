@@ -7,6 +7,7 @@ managed_files() {
 dnb-edge.service /etc/systemd/system dnb-edge.service
 dnb-edge-web.service /etc/systemd/system dnb-edge-web.service
 dnb-edge-foxglove.service /etc/systemd/system dnb-edge-foxglove.service
+dnb-edge-fleet.service /etc/systemd/system dnb-edge-fleet.service
 dnb-edge-take-home@.service /etc/systemd/system dnb-edge-take-home@.service
 dnb-edge.sysusers.conf /usr/lib/sysusers.d dnb-edge.conf
 dnb-edge.tmpfiles.conf /usr/lib/tmpfiles.d dnb-edge.conf
@@ -127,7 +128,7 @@ make_users() {
     if ! grep -qs '^dnb-edge:' "$root/etc/passwd"; then made_users=yes; fi
     # An installation older than releases may have had neither.
     if [ -e "$root/usr/lib/sysusers.d/dnb-edge.conf" ]; then
-        quietly systemd-sysusers ${root:+"--root=$root"} dnb-edge.conf || failed "the users dnb-edge and dnb-edge-web were not made"
+        quietly systemd-sysusers ${root:+"--root=$root"} dnb-edge.conf || failed "the users dnb-edge, dnb-edge-web and dnb-edge-fleet were not made"
     fi
     if [ -e "$root/usr/lib/tmpfiles.d/dnb-edge.conf" ]; then
         # The start of the machine makes them, too: without /proc, where a card's contents are built, it is left to that.
@@ -158,7 +159,7 @@ start_units() {
             failed "$unit does not start: $(systemctl show -P Result "$unit" 2>/dev/null); journalctl -u $unit says why"
     done
     # Off unless somebody has enabled it; it would go on with the old release's programs.
-    try systemctl try-restart dnb-edge-foxglove.service
+    try systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service
 }
 
 phase_now() { "$python" "$here/systemd/health_check.py" --phase "$root/run/dnb-edge/live.sock" 2>/dev/null || true; }
@@ -207,7 +208,7 @@ switch_back() {
         systemctl daemon-reload >>"$log" 2>&1
         wanted_units | mapfile -t back
         systemctl start "${back[@]}" >>"$log" 2>&1
-        systemctl try-restart dnb-edge-foxglove.service >>"$log" 2>&1
+        systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1
     fi
     printf 'dnb-edge: rolled back: %s runs as before\n' "${previous:+${previous##*/}}" >&2
 }
@@ -248,8 +249,8 @@ uninstall() {
 # Everything that install.sh has put anywhere, but not what users have made.
 take_away() {
     local name folder as
-    if systemd_runs; then systemctl stop "${units[@]}" dnb-edge-foxglove.service >>"$log" 2>&1 || true; fi
-    systemctl --quiet disable "${units[@]}" dnb-edge-foxglove.service >>"$log" 2>&1 || true
+    if systemd_runs; then systemctl stop "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1 || true; fi
+    systemctl --quiet disable "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1 || true
     managed_files | while read -r name folder as; do rm -f "$root$folder/$as" "$root$folder/$as.new"; done
     if [ "$(readlink "$root/usr/local/bin/dnb-edge")" = /opt/dnb-edge/venv/bin/dnb-edge ]; then
         rm -f "$root/usr/local/bin/dnb-edge"
@@ -264,14 +265,14 @@ take_away() {
         udevadm control --reload >>"$log" 2>&1 || true
     fi
     if [ "${made_users:-no}" = yes ]; then
-        rmdir "$root"/var/lib/dnb-edge/{runs,setup,last-good} "$root/var/lib/dnb-edge" 2>/dev/null || true
+        rmdir "$root"/var/lib/dnb-edge/{runs,setup,last-good,fleet} "$root/var/lib/dnb-edge" 2>/dev/null || true
         remove_users
     fi
 }
 
 remove_users() {
     local name
-    for name in dnb-edge-web dnb-edge; do
+    for name in dnb-edge-fleet dnb-edge-web dnb-edge; do
         if grep -qs "^$name:" "$root/etc/passwd"; then userdel ${root:+--root "$root"} "$name" >>"$log" 2>&1 || true; fi
     done
     if grep -qs '^dnb-edge:' "$root/etc/group"; then groupdel ${root:+--root "$root"} dnb-edge >>"$log" 2>&1 || true; fi
