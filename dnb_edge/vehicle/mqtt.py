@@ -23,6 +23,8 @@ from dnb_edge.vehicle.channel import MOST_AT_ONCE, Heard
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 KEEPALIVE_S = 20
 CONNECT_S = 5.0
+CLOSE_S = 2.0
+LOOK_S = 0.5
 BACK_OFF_S = (0.5, 1.0, 2.0, 5.0)
 MOST_WAITING = 512
 """Lines that wait for the gateway; the oldest go, counted."""
@@ -31,6 +33,8 @@ REFUSALS = frozenset(
     {"Not authorized", "Bad user name or password", "Unsupported protocol version", "Client identifier not valid"}
 )
 """What a broker says that will say so again, as paho names it."""
+
+_HUNG_UP = "it has hung up"
 
 log = logging.getLogger(__name__)
 
@@ -53,28 +57,22 @@ class MqttChannel:
 
     def __init__(self, broker: Broker) -> None:
         """Raises `InputError` where the broker's URI or files are wrong, or paho-mqtt is not installed."""
-        try:
-            from paho.mqtt import client as mqtt  # noqa: PLC0415 an extra
-            from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415 an extra
-        except ImportError as error:
-            raise InputError("--mqtt: paho-mqtt is not installed: pip install 'dnb-edge[fleet]'") from error
         host, port, secure = _place(broker.uri)
         self.name = f"MQTT {host}:{port}"
         self.thrown_away = 0
         self._topic = broker.topic
         self._where = (host, port)
-        self._mqtt = mqtt
-        self._client = mqtt.Client(CallbackAPIVersion.VERSION2)
-        self._client.connect_timeout = CONNECT_S
-        if broker.user is not None:
-            self._client.username_pw_set(broker.user, _password(broker.password_file))
-        if secure:
-            self._client.tls_set_context(_context(broker.ca))
-        self._client.on_connect = self._connected
-        self._client.on_message = self._message
+        password = _password(broker.password_file)
+        self._login = None if broker.user is None else (broker.user, password)
+        self._tls = _context(broker.ca) if secure else None
+        self._client = self._new_client()
         self._waiting: deque[Heard] = deque(maxlen=MOST_WAITING)
         self._refusal: str | None = None
+        self._welcome = False
+        """Whether the broker has let us in, this time."""
         self._closing = threading.Event()
+        self._over = threading.Event()
+        """The connection has ended."""
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._thread = threading.Thread(target=self._keep, name="mqtt", daemon=True)
         self._thread.start()
@@ -115,33 +113,67 @@ class MqttChannel:
             return
         self._closing.set()
         self._client.disconnect()
-        self._thread.join(2.0)
-        os.close(self._wake)
+        self._over.set()
+        self._thread.join(CLOSE_S)
+        if not self._thread.is_alive():
+            os.close(self._wake)
 
     def _keep(self) -> None:
-        """The thread: connects, serves, and does so again."""
+        """The thread: connects, waits for the connection's end, and does so again."""
         tries = 0
         while not self._closing.is_set() and self._refusal is None:
-            try:
-                self._client.connect(*self._where, keepalive=KEEPALIVE_S)
-                while self._client.loop(timeout=0.5) == self._mqtt.MQTT_ERR_SUCCESS and not self._closing.is_set():
-                    if self._client.is_connected():
-                        tries = 0
-                why = "it has hung up"
-            except ssl.SSLCertVerificationError as error:
-                self._refuse(f"its certificate is not good: {error.verify_message}")
+            why = self._once()
+            if why is None or self._closing.is_set() or self._refusal is not None:
                 return
-            except OSError as error:
-                why = error.strerror or str(error) or type(error).__name__
-            if self._closing.is_set() or self._refusal is not None:
-                return
+            tries = 0 if why == _HUNG_UP else tries
             if tries == 0:
                 log.warning("%s: away (%s); it is tried again", self.name, why)
             self._closing.wait(BACK_OFF_S[min(tries, len(BACK_OFF_S) - 1)])
             tries += 1
 
+    def _once(self) -> str | None:
+        """One connection, and why it ended; None where it is not to be tried again."""
+        self._over.clear()
+        self._welcome = False
+        client = self._client = self._new_client()
+        try:
+            client.connect(*self._where, keepalive=KEEPALIVE_S)
+        except ssl.SSLCertVerificationError as error:
+            self._refuse(f"its certificate is not good: {error.verify_message}")
+            return None
+        except OSError as error:
+            return error.strerror or str(error) or type(error).__name__
+        # paho's own thread reads and writes, so that others may publish.
+        client.loop_start()
+        while not self._over.wait(LOOK_S) and not self._closing.is_set():
+            pass
+        client.loop_stop()
+        return _HUNG_UP if self._welcome else "it does not let us in"
+
+    def _new_client(self) -> Any:
+        """One for each connection: one that connects again leaves sockets behind. Raises `InputError` without paho-mqtt."""
+        try:
+            from paho.mqtt import client as mqtt  # noqa: PLC0415 an extra
+            from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415 an extra
+        except ImportError as error:
+            raise InputError("--mqtt: paho-mqtt is not installed: pip install 'dnb-edge[fleet]'") from error
+        client = mqtt.Client(CallbackAPIVersion.VERSION2, reconnect_on_failure=False)
+        client.connect_timeout = CONNECT_S
+        if self._login is not None:
+            client.username_pw_set(*self._login)
+        if self._tls is not None:
+            client.tls_set_context(self._tls)
+        client.on_connect = self._connected
+        client.on_disconnect = self._disconnected
+        client.on_message = self._message
+        return client
+
+    def _disconnected(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:  # noqa: ARG002
+        self._over.set()
+
     def _connected(self, client: Any, userdata: Any, flags: Any, reason: Any, properties: Any) -> None:  # noqa: ARG002
         if not reason.is_failure:
+            self._welcome = True
             log.info("%s: connected", self.name)
             client.subscribe(f"{self._topic}/+/telemetry", qos=0)
         elif str(reason) in REFUSALS:
