@@ -1,5 +1,6 @@
 """Drivers behind a pipe or a socket, real processes all: what they answer is driven, and whatever else they do ends the run."""
 
+import json
 import os
 import re
 import socket
@@ -13,11 +14,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from nut_driving import BRIEFING, LONG, SHORT, sight
 
 from dnb_edge.errors import InputError
+from dnb_edge.nut.link import _Connection
 from dnb_edge.nut.open import open_driver
 from dnb_edge.nut.patience import Patience
+from dnb_edge.nut.process import ProcessDriver
 from dnb_edge.sim.control import DriverFailed
 
 HEAD = """
@@ -284,6 +289,36 @@ def test_a_connection_that_is_cut_ends_the_run():
     driver.close()
     with pytest.raises(DriverFailed, match=rf"{word} cannot be reached: Connection refused"):
         driver.start(BRIEFING)
+
+
+NUMBERS = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=3), st.just(1_000_000_000))
+ANSWERS = st.one_of(
+    st.binary(max_size=200),
+    st.fixed_dictionaries({"t_ns": NUMBERS, "steering": NUMBERS, "throttle": NUMBERS}).map(
+        lambda told: json.dumps(told).encode() + b"\n"
+    ),
+)
+
+
+@given(answer=ANSWERS)
+def test_whatever_is_answered_is_a_control_or_ends_the_run(answer):
+    """Any bytes and any values: a control within its bounds, or one line of plain characters, never another fault."""
+    ours, theirs = socket.socketpair()
+    driver = ProcessDriver("test", lambda limit_s: _Connection(ours), name="test", patience=LONG)
+    theirs.sendall(b'{"ready": true}\n' + answer)
+    theirs.shutdown(socket.SHUT_WR)
+    driver.start(BRIEFING)
+    said = "test: "
+    try:
+        control = driver.drive(sight(1_000_000_000))
+        assert max(abs(control.steering), abs(control.throttle)) <= 1.0
+    except DriverFailed as failure:
+        said = str(failure)
+    finally:
+        driver.close()
+        theirs.close()
+    assert said.startswith("test: ")
+    assert said.isprintable()
 
 
 @pytest.mark.parametrize(
