@@ -10,12 +10,15 @@ import logging
 import math
 import os
 import re
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from multiprocessing import resource_tracker
 from typing import Any, Generic, TypeVar
 
 from dnb_edge.archive.lots import MISSING_EXTRA, one_line
@@ -88,6 +91,8 @@ class Crew:
                         ended = self._distributed.wait(list(given), timeout=_WAIT_S, return_when="FIRST_COMPLETED").done
                     except TimeoutError:
                         ended = set()
+                    except CancelledError as error:
+                        raise self._lost() from error
                     for future in ended:
                         place, job = given.pop(future)
                         ready[place] = self._outcome(future, job)
@@ -95,13 +100,19 @@ class Crew:
                     yield ready.pop(following)
                     following += 1
         finally:
-            if given:
-                self._client.cancel(list(given), asynchronous=False)
+            # A scheduler that is gone has nothing left to be cancelled.
+            with suppress(OSError, CancelledError):
+                if given and self._client.status == "running":
+                    self._client.cancel(list(given))
 
     def _outcome(self, future: Any, job: J) -> Done[J, R]:
-        if future.status in ("cancelled", "lost"):
-            raise self._lost()
-        error = future.exception() if future.status == "error" else None
+        try:
+            if future.status in ("cancelled", "lost"):
+                raise self._lost()
+            error = future.exception()
+            result = future.result() if error is None else None
+        except (OSError, CancelledError) as gone:
+            raise self._lost() from gone
         if isinstance(error, InputError):
             raise error
         if isinstance(error, ModuleNotFoundError):
@@ -111,9 +122,7 @@ class Crew:
         if isinstance(error, self._distributed.KilledWorker):
             text = "every worker that took it up died, for want of memory perhaps"
             return Done(job=job, result=None, error=text)
-        if error is not None:
-            return Done(job=job, result=None, error=one_line(error))
-        return Done(job=job, result=future.result(), error=None)
+        return Done(job=job, result=result, error=None if error is None else one_line(error))
 
     def _check_alive(self) -> None:
         """Counts the workers, once a second. Raises `WorkError` where the scheduler is gone, or has had none for long."""
@@ -124,7 +133,7 @@ class Crew:
             return
         try:
             self._threads = sum(self._client.nthreads().values())
-        except OSError as error:
+        except (OSError, CancelledError) as error:
             raise self._lost() from error
         self._counted_s = time.monotonic()
         if self._threads:
@@ -147,25 +156,44 @@ def crew(scheduler: str | None, workers: int | None = None) -> Iterator[Crew]:
         distributed: Any = import_module("distributed")
     except ImportError as error:
         raise InputError(MISSING_EXTRA.format(name=error.name)) from error
-    for name in ("distributed", "tornado", "asyncio"):
-        # What matters of it is said by us, in one line.
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    for name in [*logging.root.manager.loggerDict]:
+        if name.partition(".")[0] in ("distributed", "tornado", "asyncio"):
+            # What matters of it is said by us, in one line.
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     with ExitStack() as stack:
         if scheduler is not None:
             yield Crew(distributed, stack.enter_context(_client_of(distributed, scheduler)), scheduler)
             return
-        stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}))
-        cluster = distributed.LocalCluster(
-            n_workers=workers or cores(),
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address=None,
-            worker_dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
+        own = {
+            "distributed.scheduler.allowed-failures": DEATHS,
+            # No recording waits at a worker that another one kills, and is held to have killed it.
+            "distributed.scheduler.worker-saturation": 1.0,
+        }
+        stack.enter_context(dask.config.set(own))
+        with _undisturbed():
+            cluster = distributed.LocalCluster(
+                n_workers=workers or cores(),
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                worker_dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
         stack.enter_context(cluster)
         yield Crew(distributed, stack.enter_context(distributed.Client(cluster)), "this machine")
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Keeps Ctrl-C from the threads and processes that begin meanwhile, for good: this process ends them itself."""
+    # Where it has to be begun, it lets the signal through again.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

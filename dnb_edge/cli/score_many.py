@@ -119,10 +119,10 @@ def score_many(places: Sequence[str], many: Many, wanted: Wanted, *, edits: bool
     account = _Account(settings=chosen, tallies=[Tally() for _ in chosen])
     with ExitStack() as stack:
         lots = listed(places)
+        _check_settings(lots, chosen)
         files = None if many.out is None else stack.enter_context(ResultFiles(many.out, columns(grid)))
         hands = stack.enter_context(crew(many.scheduler, many.workers))
         lots = _without_continued(hands, lots, console)
-        _check_settings(lots, chosen)
         jobs = [LotJob(lot=lot, settings=chosen, edits=edits) for lot in lots]
         with _bar(console, "Scoring", len(jobs)) as step:
             for job, scored in _scored(hands, jobs):
