@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,10 @@ from dnb_edge.record.identity import identity_of
 from dnb_edge.values import Clock, EntryInfo, SourceInfo
 
 
-def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHeader:
+def make_header(config: Config, assembly: Assembly, info: SourceInfo, further: Sequence[SourceInfo] = ()) -> RunHeader:
     """What the recording says about itself: all that is needed to score it again, and where it came from."""
     monotonic = info.clock is Clock.MONOTONIC
-    entry = make_entry(config)
+    entry, inputs = make_entry(config), _inputs(config)
     return RunHeader(
         name=entry.name,
         entry=entry,
@@ -32,10 +33,11 @@ def make_header(config: Config, assembly: Assembly, info: SourceInfo) -> RunHead
         setup={
             "core": assembly.setup.to_dict(),
             "calibration": wire.to_dict(assembly.calibration) | {"sigma_m": assembly.view_sigma_m},
-            "sha256": {path.name: _sha256(path) for path in _inputs(config)},
+            "sha256": {_name(path, inputs): _sha256(path) for path in inputs},
         },
         config=plain_config(config),
         source=info,
+        further_sources=tuple(further),
         versions=software_versions(),
         wall_offset_ns=time.time_ns() - time.monotonic_ns() if monotonic else None,
     )
@@ -62,14 +64,24 @@ def check_checkpoint(config: Config) -> None:
 
 def _inputs(config: Config) -> list[Path]:
     """The files that decide what the run measures."""
-    view = config.view
+    views = (config.view, *(camera.view for camera in config.further_cameras))
     model = config.detector.model
     if model is None and config.detector.kind != "markers":
         model = default_model_path()
-    pairs = (view.keypoints, view.keypoints_camera, view.keypoints_twin)
+    pairs = [
+        path
+        for view in views
+        for path in (view.calibration, view.keypoints, view.keypoints_camera, view.keypoints_twin)
+    ]
     rules = Path(config.rules) if names_a_file(config.rules) else None
-    paths = (config.track.file, config.track.image, view.calibration, *pairs, model, rules)
+    paths = (config.track.file, config.track.image, *pairs, model, rules)
     return [path for path in paths if path is not None]
+
+
+def _name(path: Path, inputs: Sequence[Path]) -> str:
+    """What an input is called: its file's name, with its folder's where another input has the same."""
+    same = sum(other.name == path.name for other in set(inputs))
+    return path.name if same == 1 else f"{path.parent.name}/{path.name}"
 
 
 def _sha256(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -12,6 +13,7 @@ from dnb_edge.config.rules import load_rule_set
 from dnb_edge.config.schema import Config, DetectorConfig
 from dnb_edge.config.sections import to_settings
 from dnb_edge.core import CoreSetup
+from dnb_edge.core.setup import CameraView
 from dnb_edge.errors import InputError
 from dnb_edge.motion.settings import MotionSettings
 from dnb_edge.race.crossing import CrossingSettings
@@ -19,6 +21,7 @@ from dnb_edge.race.rules import CarSetup, FormatRules, LapRules, PenaltyRules, S
 from dnb_edge.race.sectors import check_lines
 from dnb_edge.record.channels import TrackScene
 from dnb_edge.score.similarity import ScoreSettings
+from dnb_edge.track.model import Track
 from dnb_edge.values import SourceInfo
 from dnb_edge.view.gate import ErrorLimit, check
 from dnb_edge.view.homography import CalibrationError
@@ -37,8 +40,10 @@ class Assembly:
     """One sigma of the map's position where on the route it is greatest, metres; None where it is not known."""
 
 
-def assemble(config: Config, info: SourceInfo) -> Assembly:
-    """Builds track, view and the core's setup. Raises `InputError` where the configuration does not fit together."""
+def assemble(config: Config, info: SourceInfo, further: Sequence[SourceInfo] = ()) -> Assembly:
+    """Builds track, view and the core's setup; `further` are the opened sources of the configuration's further cameras, none
+    where only the first is asked about. Raises `InputError` where the configuration does not fit together.
+    """
     track = make_track(config.track)
     check_lines(track)
     view = make_view(config.view, track.scale, info)
@@ -46,6 +51,7 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
     tallest_m = _tallest_m(config.detector)
     if tallest_m > 0.0:
         ground = with_camera(ground, height_m=config.view.camera_height_m, tallest_m=tallest_m)
+    others = [_further(config, number, track, other) for number, other in enumerate(further)]
     limit = ErrorLimit(mean_px=config.view.max_mean_error_px, mean_m=config.view.max_mean_error_m)
     rules = load_rule_set(config.rules)
     setup = CoreSetup(
@@ -55,7 +61,10 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
         crossing=settings_of(CrossingSettings, config.crossing),
         laps=settings_of(LapRules, config.race),
         score=settings_of(ScoreSettings, config.score),
-        not_scored_because=check(view.error, limit),
+        not_scored_because=next(
+            (reason for error in (view.error, *(error for _, error in others)) if (reason := check(error, limit))), None
+        ),
+        further=tuple(seen for seen, _ in others),
         map_covariance=view.covariance,
         row_s=config.capture.row_us * 1e-6,
         start=settings_of(StartRules, config.start),
@@ -67,6 +76,20 @@ def assemble(config: Config, info: SourceInfo) -> Assembly:
     )
     sigma_m = None if view.calibration is None else view.calibration.greatest_sigma_m(track.centreline.points_m)
     return Assembly(setup=setup, calibration=view.error, view_sigma_m=sigma_m)
+
+
+def _further(config: Config, number: int, track: Track, info: SourceInfo) -> tuple[CameraView, CalibrationError]:
+    """What the core must know of the further camera of that number, and how wrong its map is."""
+    camera = config.further_cameras[number]
+    try:
+        view = make_view(camera.view, track.scale, info)
+        ground, tallest_m = view.ground, _tallest_m(config.detector)
+        if tallest_m > 0.0:
+            ground = with_camera(ground, height_m=camera.view.camera_height_m, tallest_m=tallest_m)
+    except InputError as error:
+        raise InputError(f"further_cameras.{number}: {error}") from error
+    row_s = camera.capture.row_us * 1e-6
+    return CameraView(ground=ground, map_covariance=view.covariance, row_s=row_s), view.error
 
 
 def settings_of(kind: type[T], section: BaseModel) -> T:

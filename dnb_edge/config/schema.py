@@ -154,6 +154,21 @@ class ViewConfig(_Section):
         return self
 
 
+class FurtherCameraConfig(_Section):
+    """Another camera over the same track: its own source, and its own map to the same twin."""
+
+    view: ViewConfig
+    """How its pixels map to the twin."""
+    capture: CaptureConfig
+    """Where its frames come from; it must name a source."""
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.capture.source is None:
+            raise ValueError("capture.source is missing: say which camera it is, such as v4l2:/dev/v4l/by-id/...")
+        return self
+
+
 class MarkersConfig(_Section):
     """The markers on the cars' roofs, for the detector `markers`."""
 
@@ -227,6 +242,9 @@ Penalties = section(PenaltyRules)
 
 DEFAULT_RULES = "practice"
 
+MOST_FURTHER = 3
+"""Cameras besides the first: a board's USB has no room for more."""
+
 
 class Config(_Section):
     """Everything that a run can be told."""
@@ -248,6 +266,8 @@ class Config(_Section):
     view: ViewConfig
     detector: DetectorConfig = DetectorConfig()
     capture: CaptureConfig = CaptureConfig()
+    further_cameras: Annotated[tuple[FurtherCameraConfig, ...], Field(max_length=MOST_FURTHER)] = ()
+    """Cameras over the same track besides the one of `view` and `capture`, where that does not see all of it."""
     motion: Motion = Motion()  # type: ignore[valid-type]
     crossing: Crossing = Crossing()  # type: ignore[valid-type]
     race: Laps = Laps()  # type: ignore[valid-type]

@@ -22,10 +22,8 @@ from dnb_edge.capture.source import FrameSource
 from dnb_edge.config.schema import Config
 from dnb_edge.core import Core, CoreSetup
 from dnb_edge.daemon.alone import alone, lock_directory
-from dnb_edge.daemon.camera import SameCamera
+from dnb_edge.daemon.cameras import feed_of, further_sources
 from dnb_edge.daemon.catchup import ResumedCore
-from dnb_edge.daemon.eye import Eye
-from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.live_run import LiveRun
 from dnb_edge.daemon.log_aside import log_aside
 from dnb_edge.daemon.loop import Race, Stop
@@ -34,6 +32,7 @@ from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.recording import recording_settings
 from dnb_edge.daemon.resume import RESUME_WITHIN_S, Unfinished, find_unfinished, places_there, recover_aside
 from dnb_edge.daemon.rooms import Rooms, keeper, rooms_of
+from dnb_edge.daemon.several import Feed
 from dnb_edge.daemon.sinks import BoardSink, RecordSink, Sink
 from dnb_edge.display.base import Display
 from dnb_edge.display.service import ServiceNotifier
@@ -96,7 +95,11 @@ def run_appliance(
         if source.info.live:
             stack.enter_context(alone(lock_directory(_directory(config, options))))
             stack.enter_context(log_aside())
-        rooms = rooms_of(config, source.info, last_good=options.last_good, config_fault=options.config_fault)
+        further = further_sources(config, source.info)
+        for other in further:
+            stack.callback(other.close)
+        infos = [source.info, *(other.info for other in further)]
+        rooms = rooms_of(config, infos, last_good=options.last_good, config_fault=options.config_fault)
         if live is not None and stop.is_set():
             # It took its time: nobody wants a recording without a frame.
             return RunSummary(frames=0, detected_frames=0, laps=0, recording=None)
@@ -106,8 +109,8 @@ def run_appliance(
             stack.callback(display.close)
             shown.append(display)
         party = _Party(displays=shown, listeners=listeners, notifier=notifier, live=live)
-        feed = FrameFeed(source, SameCamera(source.info, lambda uri: make_source(uri, config)))
-        return _raced(_prepared(rooms, options, source.info, feed, party, stop), party)
+        feed = feed_of([source, *further], config)
+        return _raced(_prepared(rooms, options, infos, feed, party, stop), party)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +128,7 @@ class _Prepared:
     """A run of which all is open and nothing has begun."""
 
     race: Race
-    feed: FrameFeed
+    feed: Feed
     machine: MachineWatch | None
     core: Core | ResumedCore
     earlier: Unfinished | None
@@ -137,12 +140,12 @@ class _Prepared:
 
 
 def _prepared(
-    rooms: Rooms, options: RunOptions, info: SourceInfo, feed: FrameFeed, party: _Party, stop: Stop
+    rooms: Rooms, options: RunOptions, infos: Sequence[SourceInfo], feed: Feed, party: _Party, stop: Stop
 ) -> _Prepared:
     """Begins the recording, goes on with a run that was cut short, and tells everybody what there is."""
-    live = party.live
+    live, info = party.live, infos[0]
     directory = _directory(rooms.config, options)
-    header = make_header(rooms.config, rooms.assembly, info)
+    header = make_header(rooms.config, rooms.assembly, info, infos[1:])
     earlier = None if directory is None else _earlier(directory, header, rooms, options.resume_within_s)
     recorder = None if directory is None else _start_recorder(directory, header, rooms, earlier)
     core = _core(rooms.assembly.setup, earlier)
@@ -162,7 +165,7 @@ def _prepared(
     race = Race(
         info=info,
         feed=feed,
-        eyes=[Eye(detector=rooms.detector, live=info.live, drift=rooms.drift)],
+        eyes=rooms.eyes,
         core=core,
         meter=_meter(rooms, info, earlier),
         laps=0 if earlier is None else len(earlier.laps),

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dnb_edge.assembly.pictures import calibrated_picture
 from dnb_edge.config.schema import ViewConfig
-from dnb_edge.core import CoreSetup
+from dnb_edge.track.model import Track
 from dnb_edge.values import SourceInfo
 from dnb_edge.view.drift import DriftWatch
 from dnb_edge.view.drift_judge import watched_track
+from dnb_edge.view.ground import GroundMap
 
 
-def make_watch(view: ViewConfig, setup: CoreSetup, info: SourceInfo) -> DriftWatch:
+def make_watch(view: ViewConfig, ground: GroundMap, track: Track, info: SourceInfo) -> DriftWatch:
     """The watch over one source's pictures. Raises `InputError` where the calibration's picture is missing or another one."""
-    watched = watched_track(setup.ground, setup.track.centreline.points_m)
+    watched = watched_track(ground, track.centreline.points_m)
     return DriftWatch(watched, reference=calibrated_picture(view, info))

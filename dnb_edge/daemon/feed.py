@@ -89,7 +89,7 @@ class FrameFeed:
             most, self._most_queued = self._most_queued, len(self._frames)
             return most
 
-    def renew(self, reason: str) -> None:
+    def renew(self, reason: str, camera: int = 0) -> None:  # noqa: ARG002 it has but one
         """Closes a live source that gives frames but no sense, and opens it again; `fault` is `reason` meanwhile."""
         self._renew = reason
 

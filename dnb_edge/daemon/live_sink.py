@@ -28,8 +28,10 @@ class LiveSink:
         """When a line of each car's vehicle was last told, CLOCK_MONOTONIC."""
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:  # noqa: ARG002 what was found comes as events
-        """Offers the picture, and decides whether it is told where the cars are in this frame."""
-        self._server.offer(frame)
+        """Offers the picture, and decides whether it is told where the cars are in this frame. Of several cameras people
+        watch the first."""
+        if frame.camera == 0:
+            self._server.offer(frame)
         self._tells = self._told_t_ns is None or frame.t_ns - self._told_t_ns >= LEAST_APART_NS
         if self._tells:
             self._told_t_ns = frame.t_ns

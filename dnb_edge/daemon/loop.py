@@ -17,9 +17,9 @@ from dnb_edge.capture.decode import decode_bgr
 from dnb_edge.core import Core
 from dnb_edge.daemon.catchup import ResumedCore
 from dnb_edge.daemon.eye import Eye, nothing_in
-from dnb_edge.daemon.feed import FrameFeed
 from dnb_edge.daemon.meter import Meter
 from dnb_edge.daemon.progress import Progress
+from dnb_edge.daemon.several import Feed
 from dnb_edge.daemon.sinks import Sink
 from dnb_edge.daemon.vehicle import VehicleInbox
 from dnb_edge.display.base import Display, DisplayStatus
@@ -60,7 +60,7 @@ class Race:
     """One run, from the first frame to the last event."""
 
     info: SourceInfo
-    feed: FrameFeed
+    feed: Feed
     eyes: Sequence[Eye]
     """What looks at each camera's pictures, by its number."""
     core: Core | ResumedCore
@@ -126,7 +126,7 @@ class Race:
         self._last_t_ns = frame.t_ns
         self.meter.frame(frame)
         eye = self.eyes[frame.camera]
-        changed = eye.look(image, frame, renew=self.feed.renew)
+        changed = eye.look(image, frame, renew=lambda reason: self.feed.renew(reason, frame.camera))
         self._note_eyes()
         found = replace(
             self._detect(image, frame, eye),

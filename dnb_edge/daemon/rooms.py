@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dnb_edge.assembly import Assembly, assemble, make_detector
 from dnb_edge.config.schema import Config
 from dnb_edge.daemon.drift import make_watch
+from dnb_edge.daemon.eye import Eye
 from dnb_edge.daemon.last_good import LastGood
-from dnb_edge.detect.protocol import Detector
 from dnb_edge.errors import InputError
 from dnb_edge.values import SourceInfo
-from dnb_edge.view.drift import DriftWatch
 
 log = logging.getLogger(__name__)
 
@@ -29,38 +28,43 @@ class Rooms:
 
     config: Config
     assembly: Assembly
-    detector: Detector
-    drift: DriftWatch
+    eyes: tuple[Eye, ...]
+    """What looks at each camera's pictures, by its number."""
     config_fault: str | None
     """Why `config` is the last good one; None where it is the user's own."""
 
 
-def rooms_of(config: Config, info: SourceInfo, *, last_good: Path | None, config_fault: str | None) -> Rooms:
+def rooms_of(config: Config, infos: Sequence[SourceInfo], *, last_good: Path | None, config_fault: str | None) -> Rooms:
     """Builds the rooms, from the configuration kept in `last_good` where the current one, or a file that it names, is damaged.
 
-    `config_fault` says why `config` is that one already. Raises `InputError`.
+    `infos` are of the cameras' opened sources; `config_fault` says why `config` is that one already. Raises `InputError`.
     """
     try:
-        return _built(config, info, config_fault)
+        return _built(config, infos, config_fault)
     except InputError as error:
         if last_good is None or config_fault is not None:
             raise
         try:
-            return _built(LastGood(last_good).load(), info, str(error))
+            return _built(LastGood(last_good).load(), infos, str(error))
         except InputError:
             # Of two faults the user can mend the first.
             raise error from None
 
 
-def _built(config: Config, info: SourceInfo, config_fault: str | None) -> Rooms:
-    assembly = assemble(config, info)
-    return Rooms(
-        config=config,
-        assembly=assembly,
-        detector=make_detector(config, assembly.setup.ground),
-        drift=make_watch(config.view, assembly.setup, info),
-        config_fault=config_fault,
+def _built(config: Config, infos: Sequence[SourceInfo], config_fault: str | None) -> Rooms:
+    views = (config.view, *(camera.view for camera in config.further_cameras))
+    if len(views) != len(infos):
+        raise InputError(f"further_cameras: {len(views)} cameras are configured and {len(infos)} are open: start anew")
+    assembly = assemble(config, infos[0], infos[1:])
+    eyes = tuple(
+        Eye(
+            detector=make_detector(config, seen.ground),
+            live=info.live,
+            drift=make_watch(view, seen.ground, assembly.setup.track, info),
+        )
+        for view, seen, info in zip(views, assembly.setup.views, infos, strict=True)
     )
+    return Rooms(config=config, assembly=assembly, eyes=eyes, config_fault=config_fault)
 
 
 def keeper(rooms: Rooms, directory: Path | None) -> Callable[[], None] | None:

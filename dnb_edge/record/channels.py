@@ -57,6 +57,7 @@ class ImageNote:
     stamp_source: StampSource
     width_px: int
     height_px: int
+    camera: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,6 +83,19 @@ def stamp(t_ns: int) -> fg.Timestamp:
     return fg.Timestamp(sec=t_ns // 1_000_000_000, nsec=t_ns % 1_000_000_000)
 
 
+def further_topic(topic: str, camera: int) -> str:
+    """The topic of a camera after the first that is `topic`, such as /camera/image, for the first: /camera_2/image."""
+    return topic.replace("/camera/", f"/camera_{camera + 1}/", 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _CameraChannels:
+    """What a camera after the first says."""
+
+    image: typed.CompressedImageChannel
+    annotations: typed.ImageAnnotationsChannel
+
+
 class RunChannels:
     """All channels of one recording in one foxglove context; each method logs one value to its topics."""
 
@@ -97,6 +111,8 @@ class RunChannels:
         self._pose = typed.PoseInFrameChannel(POSE_TOPIC, context=context)
         self._scene = typed.SceneUpdateChannel(SCENE_TOPIC, context=context)
         self._log = typed.LogChannel(LOG_TOPIC, context=context)
+        self._context = context
+        self._cameras: dict[int, _CameraChannels] = {}
         self._track = scene
         self._images = images
         self._track_drawn = False
@@ -106,15 +122,33 @@ class RunChannels:
 
     def image(self, note: ImageNote, jpeg: bytes) -> None:
         """One picture, `jpeg` as it came, and its note."""
-        self._json[IMAGE_NOTE_TOPIC].log(_json_text(note), log_time=note.t_ns)
-        picture = fg.CompressedImage(timestamp=stamp(note.t_ns), frame_id=CAMERA_FRAME, data=jpeg, format="jpeg")
-        self._image.log(picture, log_time=note.t_ns)
+        frame_id = CAMERA_FRAME if note.camera == 0 else f"{CAMERA_FRAME}_{note.camera + 1}"
+        picture = fg.CompressedImage(timestamp=stamp(note.t_ns), frame_id=frame_id, data=jpeg, format="jpeg")
+        if note.camera == 0:
+            self._json[IMAGE_NOTE_TOPIC].log(_json_text(note), log_time=note.t_ns)
+            self._image.log(picture, log_time=note.t_ns)
+        else:
+            self._further(note.camera).image.log(picture, log_time=note.t_ns)
+
+    def _further(self, camera: int) -> _CameraChannels:
+        """The channels of a camera after the first, made when it first has something to say."""
+        if camera not in self._cameras:
+            self._cameras[camera] = _CameraChannels(
+                image=typed.CompressedImageChannel(further_topic(IMAGE_TOPIC, camera), context=self._context),
+                annotations=typed.ImageAnnotationsChannel(
+                    further_topic(ANNOTATIONS_TOPIC, camera), context=self._context
+                ),
+            )
+        return self._cameras[camera]
 
     def detections(self, found: values.FrameDetections) -> None:
         """One frame's detections: exactly, as JSON, and as circles over the picture where pictures are recorded."""
         self._json[DETECTIONS_TOPIC].log(_json_text(found), log_time=found.t_ns)
-        if self._images:
+        if self._images and found.camera == 0:
             self.annotate(found.t_ns, found.detections)
+        elif self._images:
+            circles = _annotations(found.t_ns, found.detections)
+            self._further(found.camera).annotations.log(circles, log_time=found.t_ns)
 
     def annotate(self, t_ns: int, found: Sequence[values.Detection | values.Observation]) -> None:
         """What was found in the frame at `t_ns`, as circles over its picture."""

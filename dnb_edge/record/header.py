@@ -37,6 +37,8 @@ class RunHeader:
     config: dict[str, Any]
     """Plain JSON: the configuration the run was started with."""
     source: SourceInfo
+    further_sources: tuple[SourceInfo, ...] = ()
+    """The cameras after the first, which `source` is."""
     versions: dict[str, str] = field(default_factory=dict)
     """Versions of the software that took part, by name."""
     wall_offset_ns: int | None = None

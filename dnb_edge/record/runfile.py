@@ -166,6 +166,7 @@ class RunFile:
             stamp_source=frame.stamp_source,
             width_px=frame.width_px,
             height_px=frame.height_px,
+            camera=frame.camera,
         )
         self._channels.image(note, jpeg)
 

@@ -227,7 +227,9 @@ class Scribe:
                 self._file.write(frame)
                 written = True
             else:
-                self._incident_pictures.seen(frame)
+                if frame.camera == 0:
+                    # A judge looks at one camera's pictures.
+                    self._incident_pictures.seen(frame)
                 written = self._ring.write(frame, self._file.final)
         self.lost_pictures += not written
 

@@ -120,7 +120,8 @@ class Recorder:
         )
         self._mail: Mailbox[Item] = Mailbox(capacity=settings.queue_messages, picture_capacity=settings.queue_pictures)
         self._scribe = Scribe(plan, spec, self._mail, statvfs=statvfs)
-        self._image_due_ns: int | None = None
+        self._image_due_ns: dict[int, int] = {}
+        """By camera."""
         try:
             self._scribe.open_first()
         except OSError as error:
@@ -138,11 +139,12 @@ class Recorder:
         if fps is None:
             return
         period_ns = round(1e9 / fps)
-        due_ns = frame.t_ns if self._image_due_ns is None else self._image_due_ns
+        due_ns = self._image_due_ns.get(frame.camera, frame.t_ns)
         if frame.t_ns < due_ns:
             return
         # The grid goes on from the due instant, so that jitter does not lower the rate; after a gap it starts afresh.
-        self._image_due_ns = due_ns + period_ns if due_ns + period_ns > frame.t_ns else frame.t_ns + period_ns
+        after_ns = due_ns if due_ns + period_ns > frame.t_ns else frame.t_ns
+        self._image_due_ns[frame.camera] = after_ns + period_ns
         self._mail.put(frame, Rank.PICTURE, wait=self._settings.lossless)
 
     def add_detections(self, found: FrameDetections) -> int | None:

@@ -13,17 +13,10 @@ from heapq import merge
 import numpy as np
 
 from dnb_edge.sim.camera import PinholeCamera
+from dnb_edge.sim.places import first_s
 from dnb_edge.sim.rig import floor_to_camera_px
 from dnb_edge.truth.sightings import Moments, Motion, Sightings, kept_frames, moments, sighted
 from dnb_edge.values import FrameDetections
-
-LATER = 0.37
-"""By so much of a frame's time each camera's first frame is later than the one's before: they are free-running."""
-
-
-def first_s(number: int, fps: float) -> float:
-    """When the camera with that number takes its first frame, seconds."""
-    return (number * LATER % 1.0) / fps
 
 
 def sighted_by_all(

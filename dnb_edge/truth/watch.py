@@ -13,8 +13,9 @@ from heapq import merge
 from dnb_edge.capture.picture_health import PictureJudge
 from dnb_edge.core import Core
 from dnb_edge.sim.driver import Drive, drive
+from dnb_edge.sim.places import first_s
 from dnb_edge.sim.rig import Rig
-from dnb_edge.truth.cameras import all_moments, first_s, sighted_by_all
+from dnb_edge.truth.cameras import all_moments, sighted_by_all
 from dnb_edge.truth.course import Course, course
 from dnb_edge.truth.scenarios import Scenario
 from dnb_edge.truth.sightings import Moments, kept_frames, moments, sighted
