@@ -48,7 +48,7 @@ def drive(
     jobs: Annotated[int, typer.Option(min=1, max=MOST_JOBS, help="Drives at the same time.")] = 1,
     by: Annotated[
         RankBy,
-        typer.Option("--rank-by", help="The mean score of the wanted laps, or the mean lap time of completed drives."),
+        typer.Option("--rank-by", help="The mean score of the wanted laps, or valid laps a minute."),
     ] = RankBy.SCORE,
     overrides: Annotated[
         list[str] | None,
@@ -165,14 +165,14 @@ def _drive_line(result: TrialResult) -> dict[str, Any]:
     line = {"event": "drive"} | wire.to_dict(result)
     for told, lap in zip(line["laps"], result.laps, strict=True):
         told["error_ms"] = lap.error_ms
-    return line | {"score": result.score, "worst_error_ms": result.worst_error_ms}
+    return line | {"score": result.score, "pace": result.pace, "worst_error_ms": result.worst_error_ms}
 
 
 def ranking_line(made: CampaignRanking) -> dict[str, Any]:
     """The ranking as one JSON object, without the degrees of freedom: they may be infinite, which JSON cannot say."""
     line = {"event": "ranking"} | wire.to_dict(made)
     for row in line["rows"]:
-        for figure in (row[name] for name in ("score", "time_s", "to_start_s")):
+        for figure in (row[name] for name in ("score", "pace", "time_s", "to_start_s")):
             if figure is not None:
                 del figure["df"]
     return line
@@ -205,20 +205,21 @@ def _print_drives(out: Console, results: Sequence[TrialResult]) -> None:
 
 
 def _print_ranking(out: Console, made: CampaignRanking) -> None:
-    by = "score" if made.by is RankBy.SCORE else "lap time"
+    by = "score" if made.by is RankBy.SCORE else "valid laps a minute"
     out.print(f"\n{made.task}, {made.seeds} seeds, ranked by {by}; 95 % intervals over the seeds:", highlight=False)
     head = (
         "",
         "driver",
         "",
         "score %",
+        "laps/min",
         "lap s",
         "to start s",
         "completed",
-        "valid laps",
+        "valid",
         "hits",
         "error ms",
-        "place holds in",
+        "holds in",
     )
     _print_columns(out, [head, *(tuple(_cells(row)) for row in made.rows)])
     for line in _verdict(made):
@@ -238,6 +239,7 @@ def _cells(row: Standing) -> Iterator[str]:
     yield row.entry
     yield row.letters or ""
     yield _interval(row.score, 2)
+    yield _interval(row.pace, 3)
     yield _interval(row.time_s, 3)
     yield _interval(row.to_start_s, 2)
     yield f"{row.completed}/{row.drives}"

@@ -117,6 +117,17 @@ class TrialResult:
         )
 
     @property
+    def pace(self) -> float:
+        """Valid laps a minute from the first lap's start on: penalties' seconds count as driven, and so does all the time in
+        which no lap was completed."""
+        counted = self.laps[: self.wanted_laps]
+        seconds = sum(lap.official_s for lap in counted)
+        if len(counted) < self.wanted_laps:
+            unfinished_s = self.simulated_s - (self.to_start_s or 0.0) - sum(lap.time_s for lap in counted)
+            seconds += max(unfinished_s, 0.0)
+        return 60.0 * sum(lap.valid for lap in counted) / seconds if seconds > 0.0 else 0.0
+
+    @property
     def worst_error_ms(self) -> float | None:
         """The greatest difference between a lap as it was told and as it was driven, ms."""
         errors = [abs(lap.error_ms) for lap in self.laps if lap.error_ms is not None]

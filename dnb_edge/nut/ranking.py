@@ -20,8 +20,8 @@ class RankBy(StrEnum):
 
     SCORE = "score"
     """The mean over the seeds of `TrialResult.score`: most is best."""
-    TIME = "time"
-    """The mean official time of the laps of seeds that were completed: least is best, and who completed none is last."""
+    PACE = "pace"
+    """The mean over the seeds of `TrialResult.pace`: most is best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +42,8 @@ class Standing:
     collisions: int
     score: Estimate
     """Percent; see `TrialResult.score`."""
+    pace: Estimate
+    """Laps a minute; see `TrialResult.pace`."""
     time_s: Estimate | None
     """Official lap time, a mean of each completed seed; None where none was completed."""
     to_start_s: Estimate | None
@@ -76,12 +78,12 @@ def ranked(task: str, results: Sequence[TrialResult], by: RankBy) -> CampaignRan
     of: dict[str, list[TrialResult]] = {}
     for one in sorted(results, key=lambda one: (one.entry, one.seed)):
         of.setdefault(one.entry, []).append(one)
-    most = by is RankBy.SCORE
-    measure = _score_of if most else _time_of
-    worth = {name: _worth(_over_seeds(some, measure), most=most) for name, some in of.items()}
+    measure = _score_of if by is RankBy.SCORE else _pace_of
+    figure_of = {name: _over_seeds(some, measure) for name, some in of.items()}
+    worth = {name: float("-inf") if figure is None else figure.mean for name, figure in figure_of.items()}
     names = sorted(of, key=lambda name: (-worth[name], name))
-    figures = [_over_seeds(of[name], measure) for name in names]
-    order = ranking([mean_units(_samples(of[name], measure)) for name in names], most_is_best=most)
+    figures = [figure_of[name] for name in names]
+    order = ranking([mean_units(_samples(of[name], measure)) for name in names], most_is_best=True)
     letters = compare(figures).letters
     rows = (
         _standing(
@@ -106,8 +108,9 @@ def ranked(task: str, results: Sequence[TrialResult], by: RankBy) -> CampaignRan
 def _standing(
     name: str, drives: Sequence[TrialResult], *, place: int, letters: str | None, trust: Place | None
 ) -> Standing:
-    score = _over_seeds(drives, _score_of)
+    score, pace = _over_seeds(drives, _score_of), _over_seeds(drives, _pace_of)
     assert score is not None, "every drive has a score"
+    assert pace is not None, "every drive has a pace"
     return Standing(
         entry=name,
         place=place,
@@ -119,6 +122,7 @@ def _standing(
         wanted_laps=sum(one.wanted_laps for one in drives),
         collisions=sum(one.collisions for one in drives),
         score=score,
+        pace=pace,
         time_s=_over_seeds(drives, _time_of),
         to_start_s=_over_seeds(drives, _start_of),
         error_ms=max((error for one in drives if (error := one.worst_error_ms) is not None), default=None),
@@ -131,6 +135,10 @@ def _standing(
 
 def _score_of(result: TrialResult) -> tuple[float, ...]:
     return (result.score,)
+
+
+def _pace_of(result: TrialResult) -> tuple[float, ...]:
+    return (result.pace,)
 
 
 def _time_of(result: TrialResult) -> tuple[float, ...]:
@@ -150,13 +158,6 @@ def _samples(drives: Sequence[TrialResult], measure: Callable[[TrialResult], tup
 
 def _over_seeds(drives: Sequence[TrialResult], measure: Callable[[TrialResult], tuple[float, ...]]) -> Estimate | None:
     return estimate(_samples(drives, measure))
-
-
-def _worth(figure: Estimate | None, *, most: bool) -> float:
-    """The more the better."""
-    if figure is None:
-        return float("-inf")
-    return figure.mean if most else -figure.mean
 
 
 def _apart(one: Estimate | None, other: Estimate | None) -> bool:

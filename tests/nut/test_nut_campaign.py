@@ -44,6 +44,21 @@ def test_a_drive_is_worth_its_wanted_laps(laps: tuple[TrialLap, ...], score: flo
     assert replace(RESULT, laps=laps).score == pytest.approx(score)
 
 
+@pytest.mark.parametrize(
+    ("laps", "pace"),
+    [
+        ((LAP, LAP), 60 / 8.0),
+        ((LAP, replace(LAP, official_s=13.0)), 120 / 21.0),
+        ((LAP, replace(LAP, valid=False)), 60 / 16.0),
+        ((LAP,), 60 / (17.0 - 0.8)),
+        ((), 0.0),
+    ],
+)
+def test_pace_counts_valid_laps_and_all_the_time(laps: tuple[TrialLap, ...], pace: float) -> None:
+    """Two laps of 8 s in 17 s of which 0.8 s led to the start: what was not completed costs its time, too."""
+    assert replace(RESULT, laps=laps).pace == pytest.approx(pace)
+
+
 def test_the_error_of_a_lap_is_told_minus_true() -> None:
     """In milliseconds; the worst is by size, and unknown ones are left out."""
     early, unknown = replace(LAP, true_s=8.005), replace(LAP, true_s=None)
