@@ -41,6 +41,8 @@ class Renderer:
         random = np.random.default_rng([seed, 5])
         shape = self._room.shape
         self._noise = [_noise((shape[0], shape[1], shape[2]), random) for _ in range(_NOISE_PICTURES)]
+        self._standing: list[Mesh] = []
+        """What was stood in the room, and hides cars behind it."""
         # The empty room with each noise added beforehand: a frame starts as a plain copy of one of them.
         self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
 
@@ -52,11 +54,22 @@ class Renderer:
         if pose is None:
             return picture
         bodies = [posed(car, at) for car, at in zip(self._cars, (pose, *others), strict=True)]
-        below = self._room if len(bodies) == 1 else self._room.copy()
+        before = [thing for thing in self._standing if any(self._hides(thing, car) for car in bodies)]
+        below = self._room if len(bodies) + len(before) == 1 else self._room.copy()
         # From the farthest to the nearest: a car hides what stands behind it.
-        for body in sorted(bodies, key=self._nearness):
-            self._draw_car(picture, body, self._noise[which], below)
+        for body in sorted((*bodies, *before), key=self._nearness):
+            # What stands in the room has thrown its shadow there already.
+            self._draw_car(picture, body, self._noise[which], below, shadow=not any(body is thing for thing in before))
         return picture
+
+    def _hides(self, thing: Mesh, car: Mesh) -> bool:
+        """Whether `thing` is nearer to the camera than `car` and may cover some of it."""
+        if self._nearness(thing) <= self._nearness(car):
+            return False
+        one, other = _rectangle(self.camera, thing), _rectangle(self.camera, car)
+        if one is None or other is None:
+            return False
+        return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
     def _nearness(self, body: Mesh) -> float:
         return -float(self.camera.distance_m(body.corners_m.mean(axis=0)[None])[0])
@@ -66,15 +79,21 @@ class Renderer:
 
         It stands behind the driven car wherever the two overlap in the picture.
         """
-        self.stand(posed(car_mesh(seed), pose))
+        self._draw_still(posed(car_mesh(seed), pose))
 
     def stand(self, body: Mesh) -> None:
-        """Stand `body`, world m, in the room for good, as `park` does a car."""
+        """Stand `body`, world m, in the room for good; it hides a car that drives behind it."""
+        self._draw_still(body)
+        self._standing.append(body)
+
+    def _draw_still(self, body: Mesh) -> None:
         silent = np.zeros(self._room.shape, dtype=np.int16)
         self._draw_car(self._room, body, silent, self._room)
         self._noisy_rooms = [_add_noise(self._room, noise) for noise in self._noise]
 
-    def _draw_car(self, picture: BgrImage, body: Mesh, noise: NDArray[np.int16], below: BgrImage) -> None:
+    def _draw_car(
+        self, picture: BgrImage, body: Mesh, noise: NDArray[np.int16], below: BgrImage, *, shadow: bool = True
+    ) -> None:
         """`below` is the picture without noise so far; where it is not the still room, the car is drawn into it too."""
         rectangle = _rectangle(self.camera, body)
         if rectangle is None:
@@ -82,8 +101,8 @@ class Renderer:
         left, top, right, bottom = rectangle
         size = (right - left, bottom - top)
         floor = below[top:bottom, left:right].astype(np.float32)
-        shadow = self._shadow(body, (left, top), size)
-        floor *= 1.0 - _SHADOW_DEPTH * shadow[..., None]
+        if shadow:
+            floor *= 1.0 - _SHADOW_DEPTH * self._shadow(body, (left, top), size)[..., None]
         colour, cover = self._car_layer(body, (left, top), size)
         composed = floor * (1.0 - cover[..., None]) + colour
         noisy = composed + noise[top:bottom, left:right]

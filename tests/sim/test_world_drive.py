@@ -9,8 +9,11 @@ import pytest
 
 from dnb_edge.nut.pursuit import PurePursuit
 from dnb_edge.sim.control import Control, Obstacle
+from dnb_edge.sim.driver import Pose
 from dnb_edge.sim.light import LightChange
-from dnb_edge.sim.places import PLACES, place
+from dnb_edge.sim.places import PLACES, demo_camera, place
+from dnb_edge.sim.renderer import Renderer
+from dnb_edge.sim.solids import cylinder, mesh
 from dnb_edge.sim.task import LoopTask, obstacles_beside
 from dnb_edge.sim.vehicle import VehicleSettings
 from dnb_edge.sim.witness import limit_s
@@ -116,6 +119,23 @@ def test_the_delay_is_simulated_whatever_the_driver_takes():
     assert [sight.t_ns for sight in driver.seen[:4]] == [0, 20 * MS, 40 * MS, 60 * MS]
     moving = [sight.t_ns for sight in driver.seen if sight.speed_mps > 0.0]
     assert moving[0] == 120 * MS
+
+
+@pytest.mark.parametrize(("fps", "front_fps"), [(60.0, 20.0), (29.97, 20.0), (7.3, 20.0)])
+def test_how_often_the_overhead_camera_looks_changes_nothing(fps, front_fps):
+    """The vehicle drives the same way to the bit, whatever the rate at which it is looked at from above."""
+    ends = []
+    for rate in (30.0, fps):
+        world = World(small(fps=rate, front_fps=front_fps))
+        swerving = Scripted(lambda t: Control(steering=0.3 * math.sin(3.0 * t), throttle=0.3))
+        index = 0
+        while world.frame_t_ns(index) < 2_000 * MS:
+            world.drive_until(world.frame_t_ns(index), swerving)
+            assert world.frame_t_ns(index) - STEP_NS < world.truth().duration_s * 1e9 + 1.0
+            index += 1
+        world.drive_until(2_000 * MS, swerving)
+        ends.append((world.state(2_000 * MS), [sight.t_ns for sight in swerving.seen]))
+    assert ends[0] == ends[1]
 
 
 def in_the_way(seed=2, s_m=-0.1, aside_m=0.0):
@@ -263,3 +283,14 @@ def test_a_drivers_time_goes_by_laps_and_length():
     circuit = place("demo").circuit
     assert limit_s(LoopTask(laps=3), circuit) == pytest.approx(15.0 + 4 * circuit.centreline.length_m / 0.35)
     assert limit_s(LoopTask(time_limit_s=7.0), circuit) == 7.0
+
+
+@pytest.mark.parametrize(("y_m", "at_m", "hidden"), [(0.36, (0.25, 0.09), True), (0.17, (0.22, 0.0), False)])
+def test_from_above_an_obstacle_hides_what_is_behind_it(y_m, at_m, hidden):
+    """Where car and obstacle overlap in the overhead picture, the one nearer to the camera is drawn over the other."""
+    renderer = Renderer(place("demo").circuit, demo_camera((640, 360)), 3)
+    renderer.stand(mesh([cylinder((2.0, 0.25, 0.05), 0.03, 0.1, 2, (40.0, 90.0, 235.0), sides=20)]))
+    u, v = (round(px) for px in renderer.camera.project(np.array([[2.0, *at_m]]))[0])
+    alone = renderer.picture(0, None)[v, u].astype(int)
+    with_car = renderer.picture(0, Pose(track_m=(2.0, y_m), heading_rad=0.0, speed_mps=0.0))[v, u].astype(int)
+    assert (np.abs(with_car - alone).max() < 12) == hidden
