@@ -239,7 +239,10 @@ class Link:
         self._inbox.append((message.topic, bytes(message.payload), message.retain))
 
     def _on_publish(self, _client: Client, _data: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
-        topic = self._under_way.pop(mid, "")
+        topic = self._under_way.pop(mid, None)
+        if topic is None:
+            # Of quality 0: gone, and nobody knows whether it was taken.
+            return
         if code.is_failure:
             self._refusals.append(f"the broker does not take {topic}: {str(code).lower()}: see its ACL")
         else:

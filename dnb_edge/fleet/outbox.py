@@ -49,7 +49,7 @@ class Outbox:
         self._lock = threading.Lock()
         self._closed = False
         try:
-            self._base = sqlite3.connect(path, timeout=1.0, isolation_level=None, check_same_thread=False)
+            self._base = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
         except sqlite3.Error as error:
             raise InputError(f"--queue {path}: cannot be opened: {error}") from error
         try:

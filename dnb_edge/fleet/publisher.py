@@ -103,7 +103,9 @@ class Publisher:
         self._announce(line)
         if self._hub.online:
             self._send(line)
-            self._tell("the hub listens" if self._outbox.waiting <= WINDOW else "the hub listens; a long queue is under way")
+            self._tell(
+                "the hub listens" if self._outbox.waiting <= WINDOW else "the hub listens; a long queue is under way"
+            )
         elif self._clock_s() - self._greeted_s > HUB_S:
             self._tell("no hub is there: the queue waits")
 

@@ -111,6 +111,7 @@ class Cable:
         self._lock = threading.Lock()
         self._whole = True
         self._closed = False
+        self._frozen = 0
         self._threads = [threading.Thread(target=self._accept, daemon=True)]
         self._threads[0].start()
 
@@ -121,6 +122,10 @@ class Cable:
             pairs, self._pairs = self._pairs, []
         for one in pairs:
             _shut(one)
+
+    def freeze(self) -> None:
+        """Nothing passes any more on the connections that there are, and nobody is told; new ones are as ever."""
+        self._frozen = len(self._threads)
 
     def mend(self) -> None:
         self._whole = True
@@ -150,13 +155,15 @@ class Cable:
             with self._lock:
                 self._pairs += [near, far]
             for one, other in ((near, far), (far, near)):
-                self._threads.append(threading.Thread(target=self._pass_on, args=(one, other), daemon=True))
+                number = len(self._threads)
+                self._threads.append(threading.Thread(target=self._pass_on, args=(one, other, number), daemon=True))
                 self._threads[-1].start()
 
-    def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
+    def _pass_on(self, one: socket.socket, other: socket.socket, number: int) -> None:
         with contextlib.suppress(OSError):
             while said := one.recv(64 * 1024):
-                other.sendall(said)
+                if number >= self._frozen:
+                    other.sendall(said)
         _shut(one)
         _shut(other)
 

@@ -6,6 +6,7 @@ import pytest
 from fleet_rig import plain, racing
 from mqtt_broker import Cable, Mosquitto, needs_mosquitto, until
 
+from dnb_edge.fleet import link
 from dnb_edge.live.messages import Phase, State
 
 pytestmark = needs_mosquitto
@@ -27,14 +28,14 @@ def test_laps_arrive_once_and_the_queue_is_empty_then(broker, make_box, make_hub
 
 @pytest.mark.parametrize("persistent", [False, True])
 def test_a_killed_broker_loses_and_doubles_nothing(persistent, tmp_path, make_box, make_hub):
-    """Killed in the middle of the traffic, four times, with its memory on a disk or nowhere."""
+    """Killed in the middle of the traffic, three times, with its memory on a disk or nowhere."""
     broker = Mosquitto(tmp_path, persistent=persistent)
     with broker:
         box, hub = make_box("a", plain(broker.url)), make_hub(plain(broker.url))
         hub.start()
         box.start()
         last = 0
-        for _ in range(4):
+        for _ in range(3):
             box.race(last + 1, last + 120)
             last += 120
             until(lambda wanted=last - 90: len(hub.laps("a")) > wanted, "some of them")
@@ -62,6 +63,20 @@ def test_a_cut_cable_loses_and_doubles_nothing(broker, make_box, make_hub):
             hub.wait_for("b", turn * 10 + 10)
             cable.mend()
         hub.wait_for("a", 300)
+
+
+def test_a_line_that_says_nothing_any_more_is_given_up(broker, make_box, make_hub, monkeypatch):
+    """Packets vanish and nobody is told, as where a router is switched off: the box notices by the silence and calls again."""
+    monkeypatch.setattr(link, "KEEPALIVE_S", 1)
+    with contextlib.closing(Cable(broker.port)) as cable:
+        box, hub = make_box("a", plain(f"mqtt://127.0.0.1:{cable.port}")), make_hub(plain(broker.url))
+        hub.start()
+        box.start()
+        box.race(1, 10)
+        hub.wait_for("a", 10)
+        cable.freeze()
+        box.race(11, 60)
+        hub.wait_for("a", 60)
 
 
 def test_publisher_and_hub_may_be_restarted_at_any_time(broker, make_box, make_hub):

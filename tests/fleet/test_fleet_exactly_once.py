@@ -35,7 +35,7 @@ batches = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(batches=batches)
 def test_whatever_the_line_does_each_parcel_is_stored_once(batches, tmp_path_factory):
     """Batches that begin before or behind what is stored and lack parcels in between, with the hub killed in between: what is

@@ -1,7 +1,10 @@
 """What a broker refuses: one line that says what is the matter, an end where only a person can mend it, patience elsewhere."""
 
+import dataclasses
+import re
 import ssl
 import time
+from pathlib import Path
 
 import pytest
 from fleet_rig import TOPICS, Box, HubRig, plain
@@ -14,6 +17,8 @@ from dnb_edge.fleet.broker import broker as named
 from dnb_edge.fleet.link import Link
 
 pytestmark = needs_mosquitto
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "fleet.md"
 
 
 def ended(box) -> str:
@@ -124,6 +129,27 @@ def test_a_topic_that_the_broker_does_not_take_ends_it(tmp_path, make_box):
         box = make_box("a", plain(one.url))
         box.start()
         assert "the broker does not take dnb-edge/box/a/status: not authorized: see its ACL" in ended(box)
+
+
+@pytest.mark.parametrize(("box_name", "let_in"), [("a", True), ("b", False)])
+def test_the_documented_access_list_lets_a_box_write_its_own_topics_only(
+    box_name, let_in, tmp_path, make_box, make_hub
+):
+    """The block of docs/fleet.md as it stands there."""
+    (listed,) = re.findall(r"```\n(user hub\n.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "acl").write_text(listed, encoding="utf-8")
+    (tmp_path / "acl").chmod(0o600)
+    lines = (f"acl_file {tmp_path / 'acl'}", f"password_file {passwords(tmp_path, a='right', hub='right')}")
+    with Mosquitto(tmp_path, lines=lines) as one:
+        to = with_password(one, tmp_path, "right")
+        box, hub = make_box(box_name, to), make_hub(dataclasses.replace(to, user="hub"))
+        hub.start()
+        box.start()
+        if let_in:
+            box.race(1, 2)
+            hub.wait_for("a", 2)
+        else:
+            assert "the broker does not take dnb-edge/box/b/status" in ended(box)
 
 
 def test_a_broker_that_is_away_is_waited_for(tmp_path, make_box, make_hub):
