@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dnb_edge.archive.rescore import Wanted
 from dnb_edge.assembly import assemble, make_header
 from dnb_edge.cli.demo import write_demo_config
 from dnb_edge.config.load import load_config
@@ -70,6 +71,17 @@ def test_obstacles_reach_the_core_and_the_recording(demo: Path) -> None:
     assert setup.penalties.collision == Effect(seconds=3.0, invalid=True)
     again = CoreSetup.from_dict(setup.to_dict())
     assert (again, again.rules_digest) == (setup, setup.rules_digest)
+
+
+def test_another_rule_set_leaves_the_obstacles_and_prices_hits_as_it_does(demo: Path) -> None:
+    """They belong to the run as the car's size does: `score --rules carla` judges the same hits by another price."""
+    there = ["race.obstacles=[{at_m: [1.5, 0.3], radius_m: 0.05}]", "race.car_length_m=0.2", "race.car_width_m=0.1"]
+    setup = assemble(load_config(demo, there), INFO).setup
+    change = Wanted(rules="carla").change(Path("run.mcap"))
+    assert change is not None
+    other = change(setup)
+    assert other.laps.obstacles == setup.laps.obstacles
+    assert (setup.penalties.collision, other.penalties.collision) == (Effect(invalid=True), Effect(factor=0.65))
 
 
 def test_rules_without_obstacles_have_the_digest_that_they_had_before_there_were_any(demo: Path) -> None:
