@@ -83,7 +83,8 @@ def page() -> str:
             told = [fault for fault in (named(begin, known) for begin in row["faults"]) if not _is_said_above(fault)]
             lines += ["", f"- **{row['see']}**", "", f"  {row['do']}.", ""]
             lines += [f"  - *{fault.name}*: {fault.promise}" for fault in told]
-        lines += ["", *_doctor(chapter["doctor"])]
+        if chapter["doctor"]:
+            lines += ["", *_doctor(chapter["doctor"])]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)) + "\n"
 
 
