@@ -8,6 +8,7 @@ dnb-edge.service /etc/systemd/system dnb-edge.service
 dnb-edge-web.service /etc/systemd/system dnb-edge-web.service
 dnb-edge-foxglove.service /etc/systemd/system dnb-edge-foxglove.service
 dnb-edge-fleet.service /etc/systemd/system dnb-edge-fleet.service
+dnb-edge-vehicle.service /etc/systemd/system dnb-edge-vehicle.service
 dnb-edge-take-home@.service /etc/systemd/system dnb-edge-take-home@.service
 dnb-edge.sysusers.conf /usr/lib/sysusers.d dnb-edge.conf
 dnb-edge.tmpfiles.conf /usr/lib/tmpfiles.d dnb-edge.conf
@@ -159,7 +160,7 @@ start_units() {
             failed "$unit does not start: $(systemctl show -P Result "$unit" 2>/dev/null); journalctl -u $unit says why"
     done
     # Off unless somebody has enabled it; it would go on with the old release's programs.
-    try systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service
+    try systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service dnb-edge-vehicle.service
 }
 
 phase_now() { "$python" "$here/systemd/health_check.py" --phase "$root/run/dnb-edge/live.sock" 2>/dev/null || true; }
@@ -208,7 +209,7 @@ switch_back() {
         systemctl daemon-reload >>"$log" 2>&1
         wanted_units | mapfile -t back
         systemctl start "${back[@]}" >>"$log" 2>&1
-        systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1
+        systemctl try-restart dnb-edge-foxglove.service dnb-edge-fleet.service dnb-edge-vehicle.service >>"$log" 2>&1
     fi
     printf 'dnb-edge: rolled back: %s runs as before\n' "${previous:+${previous##*/}}" >&2
 }
@@ -249,8 +250,8 @@ uninstall() {
 # Everything that install.sh has put anywhere, but not what users have made.
 take_away() {
     local name folder as
-    if systemd_runs; then systemctl stop "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1 || true; fi
-    systemctl --quiet disable "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service >>"$log" 2>&1 || true
+    if systemd_runs; then systemctl stop "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service dnb-edge-vehicle.service >>"$log" 2>&1 || true; fi
+    systemctl --quiet disable "${units[@]}" dnb-edge-foxglove.service dnb-edge-fleet.service dnb-edge-vehicle.service >>"$log" 2>&1 || true
     managed_files | while read -r name folder as; do rm -f "$root$folder/$as" "$root$folder/$as.new"; done
     if [ "$(readlink "$root/usr/local/bin/dnb-edge")" = /opt/dnb-edge/venv/bin/dnb-edge ]; then
         rm -f "$root/usr/local/bin/dnb-edge"

@@ -10,6 +10,7 @@ EXPOSURE_LIMITS = {
     "dnb-edge-web.service": 2.0,
     "dnb-edge-foxglove.service": 2.0,
     "dnb-edge-fleet.service": 2.0,
+    "dnb-edge-vehicle.service": 2.0,
     "dnb-edge-take-home@.service": 1.0,
 }
 """The most of systemd's own exposure level, of 10; a naive unit has 9.2."""
