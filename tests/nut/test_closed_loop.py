@@ -19,6 +19,11 @@ from dnb_edge.sim.task import LoopTask
 from dnb_edge.values import Lap
 
 
+def table(**changes):
+    """A task on the oval on a table: short laps, a small room to draw."""
+    return LoopTask(place="table", size_px=(640, 480), **changes)
+
+
 class Told:
     """Drives straight on, and says what was asked of it and in which thread; fails after `pictures`."""
 
@@ -77,7 +82,7 @@ def test_the_appliance_times_the_vehicle_within_8_ms_of_the_truth_and_the_same_t
     """A lap told through the overhead camera agrees with what was driven, and the same seed gives the same laps to the bit."""
     laps = []
     for number in range(2):
-        source = ClosedLoopSource(LoopTask(seed=11, laps=1), PurePursuit())
+        source = ClosedLoopSource(table(seed=11, laps=1), PurePursuit())
         events = raced(tmp_path / str(number), source)
         laps.append([event for event in events if isinstance(event, Lap)])
         (told,), (true, *_) = laps[-1], source.world.truth().laps
@@ -90,7 +95,7 @@ def test_a_driver_that_fails_ends_the_run_with_its_reason_and_the_recording_is_w
     """What it said last is what the run ends with; all up to then is on the disk, finished."""
     driver = Told(pictures=20)
     with pytest.raises(DriverFailed, match="it went out"):
-        raced(tmp_path / "run", ClosedLoopSource(LoopTask(), driver))
+        raced(tmp_path / "run", ClosedLoopSource(table(), driver))
     (recording,) = (tmp_path / "run").glob("*.mcap")
     assert len(list(read_run(recording).detections())) == 19
     assert driver.calls[-1][0] == "close"

@@ -90,12 +90,12 @@ def test_the_same_task_is_the_same_drive_and_another_seed_is_not():
     """Frames, front pictures and truth are the same bytes twice; another seed has another car, room and way."""
     runs = []
     for seed in (5, 5, 6):
-        world, driver = World(small(seed=seed, light=LightChange(depth=0.3))), ahead()
+        world, driver = World(small(seed=seed, place="table", light=LightChange(depth=0.3))), ahead()
         frames = []
-        for index in range(40):
+        for index in range(20):
             world.drive_until(world.frame_t_ns(index), driver)
-            frames.append(world.frame(index).bgr.tobytes() if index % 13 == 0 else b"")
-        runs.append((frames, world.state(world.frame_t_ns(39)), [sight.bgr.tobytes() for sight in driver.seen]))
+            frames.append(world.frame(index).bgr.tobytes() if index % 7 == 0 else b"")
+        runs.append((frames, world.state(world.frame_t_ns(19)), [sight.bgr.tobytes() for sight in driver.seen]))
     assert runs[0] == runs[1]
     assert runs[0][0] != runs[2][0]
     assert runs[0][1] != runs[2][1]
@@ -121,7 +121,7 @@ def test_the_delay_is_simulated_whatever_the_driver_takes():
     assert moving[0] == 120 * MS
 
 
-@pytest.mark.parametrize(("fps", "front_fps"), [(60.0, 20.0), (29.97, 20.0), (7.3, 20.0)])
+@pytest.mark.parametrize(("fps", "front_fps"), [(60.0, 20.0), (29.97, 50.0), (7.3, 20.0)])
 def test_how_often_the_overhead_camera_looks_changes_nothing(fps, front_fps):
     """The vehicle drives the same way to the bit, whatever the rate at which it is looked at from above."""
     ends = []
