@@ -162,6 +162,7 @@ def _conditions(made: Raced) -> Row:
     identity = made.identity
     return {
         "session": made.session,
+        "task": made.task,
         "track": identity.track,
         "calibration": identity.calibration,
         "rules": identity.rules,

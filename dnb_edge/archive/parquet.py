@@ -27,7 +27,7 @@ GROUP_ROWS = 20_000
 _TEXT, _WHOLE, _NUMBER, _TRUTH = "text", "whole", "number", "truth"
 
 _ENTRY = {"entry": _TEXT, "version": _TEXT, "checkpoint_sha256": _TEXT}
-_CONDITIONS = {"session": _TEXT, "track": _TEXT, "calibration": _TEXT, "rules": _TEXT, "rule_set": _TEXT}
+_CONDITIONS = {"session": _TEXT, "task": _TEXT, "track": _TEXT, "calibration": _TEXT, "rules": _TEXT, "rule_set": _TEXT}
 
 RUN_COLUMNS: Mapping[str, Any] = {
     "error": _TEXT,

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.console import Console
@@ -75,13 +75,21 @@ class Many:
         return self != Many() or any(is_elsewhere(place) or is_pattern(place) for place in places)
 
 
+class Conditions(NamedTuple):
+    """Recordings under other ones are not compared."""
+
+    track: str
+    """A digest, as `rules`."""
+    task: str
+    rules: str
+
+
 @dataclass(slots=True)
 class _Account:
     """What came of all recordings."""
 
     settings: Sequence[Setting]
-    trials: dict[tuple[str, str], list[Trial]] = field(default_factory=dict)
-    """By track and rules."""
+    trials: dict[Conditions, list[Trial]] = field(default_factory=dict)
     tallies: list[Tally] = field(default_factory=list)
     recordings: int = 0
     laps: int = 0
@@ -103,7 +111,8 @@ class _Account:
             if swept:
                 self.tallies[place].add(run)
             elif run.run["error"] is None:
-                self.trials.setdefault((run.run["track"], run.run["rules"]), []).extend(run.trials)
+                conditions = Conditions(*(run.run[name] for name in Conditions._fields))
+                self.trials.setdefault(conditions, []).extend(run.trials)
 
 
 def score_many(places: Sequence[str], many: Many, wanted: Wanted, *, edits: bool, as_json: bool) -> None:
@@ -121,7 +130,8 @@ def score_many(places: Sequence[str], many: Many, wanted: Wanted, *, edits: bool
         lots = listed(places)
         _check_settings(lots, chosen)
         files = None if many.out is None else stack.enter_context(ResultFiles(many.out, columns(grid)))
-        hands = stack.enter_context(crew(many.scheduler, many.workers))
+        with console.status("Waiting for workers ...") if console.is_terminal else nullcontext():
+            hands = stack.enter_context(crew(many.scheduler, many.workers))
         lots = _without_continued(hands, lots, console)
         jobs = [LotJob(lot=lot, settings=chosen, edits=edits) for lot in lots]
         with _bar(console, "Scoring", len(jobs)) as step:
@@ -237,9 +247,9 @@ def _print(account: _Account, rows: Sequence[SweepRow], out: Path | None, *, as_
     if as_json:
         _print_json(account, tables, rows, out)
         return
-    for (track, rules), table in tables.items():
+    for conditions, table in tables.items():
         if len(tables) > 1:
-            typer.echo(f"Track {track}, rules {rules}:")
+            typer.echo(f"Track {conditions.track}, {printable(conditions.task)}, rules {conditions.rules}:")
         typer.echo(table_text(table) + "\n")
     if rows:
         typer.echo(as_text(rows) + "\n")
@@ -253,7 +263,7 @@ def _count(number: int, thing: str) -> str:
 
 
 def _print_json(
-    account: _Account, tables: dict[tuple[str, str], ResultTable], rows: Sequence[SweepRow], out: Path | None
+    account: _Account, tables: dict[Conditions, ResultTable], rows: Sequence[SweepRow], out: Path | None
 ) -> None:
     """A line for each entry or combination, one for each failure, and one of all."""
     lines: list[dict[str, Any]] = [

@@ -18,6 +18,7 @@ from dnb_edge.report.table import printable
 MOST_LINES = 21
 """So many lines can be told apart: seven colours in three dashes."""
 _LONGEST_WORD = 24
+_MOST_TICKS = 10
 
 
 class Swept(Protocol):
@@ -71,7 +72,9 @@ def sweep_picture(rows: Sequence[Swept], *, picture_format: PictureFormat = "png
             # A figure that there is none of leaves a gap.
             shown = sorted((x, float("nan") if y is None else y) for x, y in points)
             axes.plot(*zip(*shown, strict=True), marker="o", label=label or "_", **line_style(place, best=False))
-        if not numbers:
+        if numbers and len(xs) <= _MOST_TICKS:
+            axes.set_xticks(xs)
+        elif not numbers:
             axes.set_xticks(range(len(xs)), [_word(x) for x in xs], parse_math=False)
     for axes in panels[2:]:
         axes.set_xlabel(_word(key), color=INK, parse_math=False)

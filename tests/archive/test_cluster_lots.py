@@ -19,7 +19,7 @@ from dnb_edge.errors import InputError
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with three recordings."""
-    directory = tmp_path_factory.mktemp("runs")
+    directory = tmp_path_factory.mktemp("lots") / "runs"
     make_runs(directory, 3)
     return directory
 
