@@ -1,7 +1,8 @@
 """A classical lane follower: finds the dark lane in its front picture, seen from above, and steers along its middle.
 
 Knows its own camera's place on the vehicle and the lane's width, as anybody who calibrated a real car would; not the circuit,
-the obstacles or where it is. It does not see things on the lane for what they are: it backs away when it stands before one.
+the obstacles or where it is. It does not see things on the lane for what they are: when it stands before one it backs away and
+comes again, on one side of the lane or on the other.
 """
 
 from __future__ import annotations
@@ -85,6 +86,8 @@ class _Following:
         self._eye = BirdsEye(briefing.picture_px, style.mount)
         self._foresight = Foresight(briefing)
         self._rescue = BackAway()
+        self._aside = KeepAside()
+        self._backing = False
         self._steering_rad = 0.0
         self._towards_rad = 0.0
 
@@ -96,7 +99,12 @@ class _Following:
                 f"lane-follower: was told of pictures {width}x{height}, got one of shape {sight.bgr.shape}"
             )
         now_s = sight.t_ns * 1e-9
-        wanted = self._rescue.control(now_s, sight.speed_mps) or self._along(sight, now_s)
+        rescue = self._rescue.control(now_s, sight.speed_mps)
+        if rescue is not None and not self._backing:
+            self._aside.blocked()
+        self._backing = rescue is not None
+        self._aside.moved(max(sight.speed_mps, 0.0) * self._briefing.period_s)
+        wanted = rescue or self._along(sight, now_s)
         self._rescue.remember(now_s, wanted, sight.speed_mps)
         self._foresight.remember(now_s, wanted)
         self._steering_rad = wanted.steering * self._briefing.steering_lock_rad
@@ -121,7 +129,12 @@ class _Following:
             return self._control(self._steering_rad, self._style.lost_mps, sight.speed_mps)
         self._towards_rad = math.atan2(near.at_m[1] - rear[1], near.at_m[0] - rear[0])
         far = self._middle(lane, rear, self._style.far_m, self._towards_rad)
-        bend = _bend_to(near.at_m, rear, ahead.heading_rad)
+        x, y = near.at_m
+        beside = (
+            x - self._aside.left_m * math.sin(self._towards_rad),
+            y + self._aside.left_m * math.cos(self._towards_rad),
+        )
+        bend = _bend_to(beside, rear, ahead.heading_rad)
         sharpest = abs(bend) if far is None else max(abs(bend), abs(_bend_to(far.at_m, rear, ahead.heading_rad)))
         speed = math.sqrt(self._style.lateral_mps2 / max(sharpest, 1e-6))
         top = self._style.top_mps if far is not None else 0.6 * self._style.top_mps
@@ -146,6 +159,32 @@ class _Following:
             steering=_clipped(steering_rad / self._briefing.steering_lock_rad),
             throttle=_clipped((wanted_mps + 0.8 * (wanted_mps - speed_mps)) / top),
         )
+
+
+class KeepAside:
+    """Which side of the lane's middle to keep to: after being blocked one side for a while; blocked there too, the other."""
+
+    BY_M = 0.06
+    FOR_M = 1.0
+
+    def __init__(self) -> None:
+        self._side = 1.0
+        self._still_m = 0.0
+
+    def blocked(self) -> None:
+        """Something is in the way."""
+        if self._still_m > 0.0:
+            self._side = -self._side
+        self._still_m = self.FOR_M
+
+    def moved(self, way_m: float) -> None:
+        """The vehicle has come that far."""
+        self._still_m = max(0.0, self._still_m - way_m)
+
+    @property
+    def left_m(self) -> float:
+        """How far to the left of the lane's middle to keep."""
+        return self._side * self.BY_M if self._still_m > 0.0 else 0.0
 
 
 def _bend_to(point_m: PointM, rear_m: PointM, heading_rad: float) -> float:

@@ -59,13 +59,13 @@ class BackAway:
         self._steering = 0.0
 
     def control(self, now_s: float, speed_mps: float) -> Control | None:
-        """What to want while backing away; None where nothing is in the way."""
+        """What to want while backing away, the way it came; None where nothing is in the way."""
         since = self._standing_since_s
         if since is not None and abs(speed_mps) < self._STANDS_MPS and now_s - since > self._PATIENCE_S:
             self._back_until_s = now_s + self._BACK_S
             self._standing_since_s = None
         if now_s < self._back_until_s:
-            return Control(steering=-self._steering, throttle=0.3 * self._gear)
+            return Control(steering=self._steering, throttle=0.3 * self._gear)
         return None
 
     def remember(self, now_s: float, wanted: Control, speed_mps: float) -> None:

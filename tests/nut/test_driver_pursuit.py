@@ -126,6 +126,17 @@ def test_backs_away_from_a_wall_and_tries_again():
     assert backwards.sum() * PERIOD_S < 4.0
 
 
+def test_backs_out_the_way_it_came():
+    """Backwards with the wheels as they were: with them turned the other way the car would swing against what it touches."""
+    away, pushing = BackAway(), Control(steering=0.4, throttle=0.5)
+    for i in range(8):
+        assert away.control(i * 0.1, 0.0) is None
+        away.remember(i * 0.1, pushing, 0.0)
+    back = away.control(1.0, 0.0)
+    assert back is not None
+    assert (back.steering, math.copysign(1.0, back.throttle)) == (0.4, -1.0)
+
+
 def test_backing_away_is_not_taken_for_being_blocked():
     """A car that needs its time to start moving back, or that stands because it wants to, is not blocked."""
     away = BackAway()
