@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 from build123d import Box, Pos, Rot
 
-from hardware import cases, mount_parts
+from hardware import cases, colours
 from hardware.boards import MATRIX_32X8, PI
 from hardware.cameras import C920, ELP_38, PI_HQ_GS
 from hardware.drawing.picture import Body, Shaded, View, shaded
@@ -18,18 +18,18 @@ from hardware.fasteners import LOW
 from hardware.mount.assembly import Camera, Placed, fasteners, mount
 
 _COLOURS = {
-    "base": mount_parts.BASE_COLOUR,
-    "ring": mount_parts.RING_COLOUR,
-    "arm": mount_parts.ARM_COLOUR,
-    "knob": mount_parts.KNOB_COLOUR,
-    "cradle": mount_parts.CRADLE_COLOUR,
-    "bar": mount_parts.BAR_COLOUR,
+    "base": colours.BASE,
+    "ring": colours.RING,
+    "arm": colours.ARM,
+    "knob": colours.KNOB,
+    "cradle": colours.CRADLE,
+    "bar": colours.BAR,
     "camera": (110, 115, 125),
-    "tray": mount_parts.BASE_COLOUR,
-    "lid": mount_parts.ARM_COLOUR,
-    "front": mount_parts.BASE_COLOUR,
+    "tray": colours.BASE,
+    "lid": colours.ARM,
+    "front": colours.BASE,
 }
-_CLAMP, _BOUGHT = mount_parts.CLAMP_COLOUR, (185, 190, 195)
+_CLAMP, _BOUGHT = colours.CLAMP, (185, 190, 195)
 _COLUMNS, _ROW_MM, _LEADER_MM = 3, 9.0, 11.0
 _BELOW = View(towards_eye=(0.75, -0.35, 1.0), up=(0, 1, 0))
 _ABOVE = View(towards_eye=(0.75, 0.4, 1.0), up=(0, 1, 0))
