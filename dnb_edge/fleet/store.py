@@ -23,7 +23,9 @@ MOST_BOXES = 200
 LAYOUT = 1
 
 _TABLES = """
-CREATE TABLE box (name TEXT PRIMARY KEY, state TEXT, state_wall_s REAL, missing INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+CREATE TABLE box (
+    name TEXT PRIMARY KEY, state TEXT, state_wall_s REAL, laps INTEGER NOT NULL DEFAULT 0, missing INTEGER NOT NULL DEFAULT 0
+) WITHOUT ROWID;
 CREATE TABLE queue (box TEXT NOT NULL, name TEXT NOT NULL, stored INTEGER NOT NULL, PRIMARY KEY (box, name)) WITHOUT ROWID;
 CREATE TABLE parcel (
     id INTEGER PRIMARY KEY, box TEXT NOT NULL, queue TEXT NOT NULL, number INTEGER NOT NULL, kind TEXT NOT NULL, run TEXT,
@@ -131,10 +133,7 @@ class Store:
 
     def boxes(self) -> list[KnownBox]:
         """All boxes, by name."""
-        rows = self._read(
-            "SELECT name, state, state_wall_s, missing, (SELECT count(*) FROM parcel WHERE box = name AND kind = 'lap')"
-            " FROM box ORDER BY name"
-        )
+        rows = self._read("SELECT name, state, state_wall_s, laps, missing FROM box ORDER BY name")
         return [
             KnownBox(
                 name=name,
@@ -143,21 +142,18 @@ class Store:
                 missing=missing,
                 laps=laps,
             )
-            for name, state, wall_s, missing, laps in rows
+            for name, state, wall_s, laps, missing in rows
         ]
 
     def latest(self, *, kind: str, most: int, box: str | None = None, before: int | None = None) -> list[Row]:
         """The newest events of a kind, newest first; `before`: those stored before the event of that id."""
-        return self._rows(
-            "kind = :kind AND (:box IS NULL OR box = :box) AND (:id IS NULL OR id < :id) ORDER BY id DESC LIMIT :most",
-            {"kind": kind, "box": box, "id": before, "most": most},
-        )
+        where = "kind = :kind" + _of(box) + (" AND id < :id" if before is not None else "")
+        values = {"kind": kind, "box": box, "id": before, "most": most}
+        return self._rows(f"{where} ORDER BY id DESC LIMIT :most", values)
 
     def since(self, after: int, *, most: int, box: str | None = None) -> list[Row]:
         """Events of all kinds behind the event of that id, oldest first."""
-        return self._rows(
-            "id > :id AND (:box IS NULL OR box = :box) ORDER BY id LIMIT :most", {"box": box, "id": after, "most": most}
-        )
+        return self._rows(f"id > :id{_of(box)} ORDER BY id LIMIT :most", {"box": box, "id": after, "most": most})
 
     def _open(self) -> None:
         (layout,) = self._base.execute("PRAGMA user_version").fetchone()
@@ -185,6 +181,9 @@ class Store:
         return 0 if found is None else int(found[0])
 
     def _insert(self, box: str, parcel: Parcel, wall_s: float) -> None:
+        kind = str(parcel.event.get("event"))
+        if kind == "lap":
+            self._base.execute("UPDATE box SET laps = laps + 1 WHERE name = ?", (box,))
         self._base.execute(
             "INSERT INTO parcel (box, queue, number, kind, run, track, box_wall_s, wall_s, event)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -192,7 +191,7 @@ class Store:
                 box,
                 parcel.queue,
                 parcel.number,
-                str(parcel.event.get("event")),
+                kind,
                 parcel.run,
                 parcel.track,
                 parcel.wall_s,
@@ -227,3 +226,8 @@ class Store:
             with contextlib.suppress(sqlite3.Error):
                 self._base.rollback()
             raise WorkError(f"{self._path}: the store cannot be written: {error}") from error
+
+
+def _of(box: str | None) -> str:
+    """The condition that a parcel is the box's, where one is asked for: without it the index of all boxes serves."""
+    return "" if box is None else " AND box = :box"
