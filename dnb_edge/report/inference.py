@@ -30,3 +30,8 @@ def told_inference(times_ms: Iterable[float]) -> Inference | None:
         return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
 
     return Inference(p50_ms=percentile(0.5), p95_ms=percentile(0.95), p99_ms=percentile(0.99), source=TOLD_BY_VEHICLE)
+
+
+def ms_text(time_ms: float) -> str:
+    """A time in three figures, whether it is microseconds or seconds."""
+    return f"{time_ms:.0f}" if time_ms >= 100.0 else f"{time_ms:.3g}"

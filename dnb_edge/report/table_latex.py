@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dnb_edge.report.inference import ms_text
 from dnb_edge.report.table import EntryRow, ResultTable, printable
 
 _SPECIAL = {
@@ -98,7 +99,7 @@ def _success(row: EntryRow) -> str:
 
 
 def _inference(row: EntryRow) -> str:
-    return _NONE if row.inference_p95_ms is None else f"{row.inference_p95_ms:.1f}"
+    return _NONE if row.inference_p95_ms is None else ms_text(row.inference_p95_ms)
 
 
 def _mean(row: EntryRow, mean: float | None, sd: float | None, group: str | None, digits: int) -> str:

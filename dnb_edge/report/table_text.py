@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
+from dnb_edge.report.inference import ms_text
 from dnb_edge.report.table import EntryRow, ResultTable, printable
 
 DNF = "DNF"
@@ -77,7 +78,7 @@ def _inference(row: EntryRow) -> str:
     """Median and 95th percentile."""
     if row.inference_p50_ms is None or row.inference_p95_ms is None:
         return NO_VALUE
-    return f"{row.inference_p50_ms:.1f} / {row.inference_p95_ms:.1f}"
+    return f"{ms_text(row.inference_p50_ms)} / {ms_text(row.inference_p95_ms)}"
 
 
 def _similarity(row: EntryRow) -> str:

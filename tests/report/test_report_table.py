@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from dnb_edge.report.inference import Inference
+from dnb_edge.report.inference import Inference, ms_text
 from dnb_edge.report.table import ResultTable, RowsBy, Trial, entry_rows, printable, result_table
 from dnb_edge.report.table_files import COLUMNS, as_csv, as_json_lines
 from dnb_edge.report.table_latex import as_latex, escaped
@@ -266,10 +266,16 @@ def test_collisions_and_inference_have_columns_where_there_are_any() -> None:
     assert pilot.inference_p95_ms is None
     text = as_text(table).splitlines()
     assert text[0].endswith("Collisions  Inference (ms)")
-    assert text[2].endswith(" 3       6.0 / 8.0")
+    assert text[2].endswith(" 3     6.04 / 7.96")
     assert text[3].endswith(" 0               -")
-    assert as_latex(table).count(" & 8.0 ") == 1
+    assert as_latex(table).count(" & 7.96 ") == 1
     assert "Inference" not in as_text(result_table(PAPER)) + as_latex(result_table(PAPER))
+
+
+@pytest.mark.parametrize(("time_ms", "expected"), [(0.04213, "0.0421"), (6.0, "6"), (12.345, "12.3"), (1234.5, "1234")])
+def test_a_time_has_three_figures(time_ms: float, expected: str) -> None:
+    """A tenth of a millisecond is not nought, and seconds have no exponent."""
+    assert ms_text(time_ms) == expected
 
 
 def test_a_group_has_its_heading_in_every_form() -> None:

@@ -97,7 +97,7 @@ def test_the_page_holds_all_groups_and_needs_nothing_else(trials: list[Trial]) -
         "cards & more",
         "0% [0, 49]",
         "Collisions",
-        "4.0 / 5.0",
+        "4 / 5",
         "Order by completion time: $x^2$ <b>quick</b>, then slow, then stuck; holds in 100 % of 2000 resamples",
         "2 [2, 2] 100 %",
     ):
