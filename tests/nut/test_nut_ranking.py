@@ -53,6 +53,21 @@ def test_drivers_that_are_alike_share_a_letter_and_are_not_disjoint() -> None:
     assert made.order_share < 0.99
 
 
+def test_drivers_are_compared_seed_by_seed() -> None:
+    """Seeds differ by ten times as much as the drivers do, alike for both: their intervals overlap, and yet one is better."""
+    chance = random.Random(5)
+    results = []
+    for seed in range(12):
+        hard = chance.gauss(0, 5)
+        for entry, better in (("good", 0.5), ("plain", 0.0)):
+            lap = replace(LAP, similarity_percent=80 + hard + better + chance.gauss(0, 0.1))
+            results.append(replace(RESULT, entry=entry, seed=seed, laps=(lap, lap)))
+    made = ranked("t", results, RankBy.SCORE)
+    assert [(row.entry, row.letters, row.place_share) for row in made.rows] == [("good", "a", 1.0), ("plain", "b", 1.0)]
+    assert not made.disjoint
+    assert made.order_share == 1.0
+
+
 def test_who_completed_nothing_is_last_by_pace_and_still_has_a_score() -> None:
     """However fast its laps: its lap time is not told, its half-driven laps are worth half, its failures are counted."""
     lost = [
