@@ -153,6 +153,25 @@ def test_a_flood_is_cut_down_to_what_a_race_takes(box: Box, tmp_path: Path) -> N
     assert gateway.ledger.over > 0.5 * sent
 
 
+def test_a_lap_goes_to_the_car_that_drove_it() -> None:
+    """And to who has not said which car it is."""
+    udp = UdpChannel("127.0.0.1", 0)
+    cars = {car: socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for car in (1, 2, None)}
+    for car, sender in cars.items():
+        sender.settimeout(5.0)
+        sender.sendto(b'{"hello": 1}', ("127.0.0.1", udp.port))
+        (heard,) = udp.read()
+        udp.registered(heard, car, now_s=0.0)
+    udp.tell(b"of car 2\n", 2, now_s=1.0)
+    udp.tell(b"for all\n", None, now_s=1.0)
+    assert cars[1].recv(100) == b"for all\n"
+    for car in (2, None):
+        assert [cars[car].recv(100) for _ in range(2)] == [b"of car 2\n", b"for all\n"]
+    for sender in cars.values():
+        sender.close()
+    udp.close()
+
+
 def test_signals_reach_who_was_heard_last_and_no_more_than_fit(tmp_path: Path) -> None:
     """Of more cars than there is room for, those that were silent for longest are left out."""
     udp = UdpChannel("127.0.0.1", 0)
