@@ -146,11 +146,12 @@ def _model(field: dict[str, Any]) -> str | None:
 
 
 def _key(path: str, field: dict[str, Any], models: dict[str, Any], *, required: bool) -> Key:
-    kind = _kind(field, path, models)
+    # A further camera's keys are those of the first one.
+    own, kind = path.removeprefix("further_cameras."), _kind(field, path, models)
     return Key(
         path=path,
         kind=kind,
-        unit=_unit(path) if "number" in kind or path in COUNTS else "",
+        unit=_unit(own) if "number" in kind or own in COUNTS else "",
         default="required" if required else _default(field.get("default"), models.get(_model(field) or "", {})),
         meaning=field.get("description", ""),
     )
