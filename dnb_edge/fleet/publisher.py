@@ -123,7 +123,7 @@ class Publisher:
 
     def _met_namesake(self, line: Line, status: Status) -> None:
         """Of two boxes of one name the newcomer goes; the other one says again that it is there."""
-        if status.queue == self._outbox.name:
+        if status.online and status.queue == self._outbox.name:
             return
         if not status.online or self._clock_s() - self._greeted_s > SETTLED_S:
             self._say_status(line, online=True)
