@@ -49,13 +49,29 @@ def check_comparable(runs: Sequence[Raced], *, advice: str = "") -> tuple[str, .
                 f"{run.identity.calibration}) in one session, {run.session!r}: give the runs after the new one another "
                 "session's name, or leave one out"
             )
+    twice = _twice(ordered)
     first = ordered[0] if ordered else None
     other = next((run for run in ordered if first and not _same_calibration(run, first)), None)
     if first is None or other is None:
-        return ()
+        return twice
     digests = f"({first.identity.calibration}, {other.identity.calibration})"
     told = "what they measure differs a little for that alone"
-    return (f"{first.path} and {other.path}: different calibrations {digests}: {told}",)
+    return (f"{first.path} and {other.path}: different calibrations {digests}: {told}", *twice)
+
+
+def _twice(ordered: Sequence[Raced]) -> tuple[str, ...]:
+    """Closed-loop drives of one entry and seed: a drive and its copy are one trial, and would be counted for two."""
+    seen: dict[object, Raced] = {}
+    told = []
+    for run in ordered:
+        for trial in run.trials:
+            known = seen.setdefault((trial.entrant.key, trial.seed), run) if trial.seed is not None else run
+            if known is not run:
+                name = printable(trial.entry.name)
+                told.append(
+                    f"{known.path} and {run.path}: both are seed {printable(trial.seed or '')} of {name}: leave one out"
+                )
+    return tuple(told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

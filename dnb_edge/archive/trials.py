@@ -67,6 +67,7 @@ def raced(replayed: Replayed, told_ms: Mapping[int, Sequence[float]] | None = No
         calibration=identity.calibration,
         rules=identity.rules,
         simulated=replayed.header.source.clock is Clock.SIMULATED,
+        seed=_asked(replayed.header, "seed"),
         wanted_laps=_wanted_laps(replayed),
         collisions=hits.get(1, 0),
         told_inference_ms=tuple(told.get(1, ())),
@@ -123,8 +124,13 @@ def _task(header: RunHeader) -> str:
     """The task of a closed-loop drive, as its session or else its URI names it; the usual one for all other sources."""
     if not _is_loop(header):
         return USUAL_TASK
-    kinds = parse_qs(header.source.uri.rpartition("?")[2]).get("task")
-    return header.session or (kinds[0] if kinds else USUAL_TASK)
+    return header.session or _asked(header, "task") or USUAL_TASK
+
+
+def _asked(header: RunHeader, name: str) -> str | None:
+    """What the URI of a closed-loop drive says; None of all other sources."""
+    found = parse_qs(header.source.uri.rpartition("?")[2]).get(name) if _is_loop(header) else None
+    return found[0] if found else None
 
 
 def _wanted_laps(replayed: Replayed) -> int | None:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from dnb_edge.report.entrants import Entrant, OrderKey, labels, order_key
 from dnb_edge.report.inference import Inference, told_inference
-from dnb_edge.report.table_compare import FigureOrder, alike_notes, by_means, by_shares, order_note
+from dnb_edge.report.table_compare import FigureOrder, alike_notes, by_means, by_shares, order_note, pair_note
 from dnb_edge.score.compare import Estimate, Sample, estimate
 from dnb_edge.score.share import Share, Tally, share
 from dnb_edge.values import EntryInfo, Lap
@@ -50,6 +50,8 @@ class Trial:
     rules: str | None = None
     simulated: bool = False
     """True where the car and its camera were computed."""
+    seed: str | None = None
+    """Two entries' trials of one seed were driven under the very same conditions, and are a pair; None in reality."""
     wanted_laps: int | None = None
     """Laps that the drive was to have, where it ends by itself: what is missing of them failed. None where people end runs."""
     collisions: int = 0
@@ -212,7 +214,7 @@ def result_table(trials: Iterable[Trial], by: RowsBy = RowsBy.ENTRY, *, conditio
     notes = [note for order in means for note in alike_notes(order, names)]
     if len({one.share for one in shares if one is not None}) > 1:
         notes += alike_notes(orders["success"], names)
-    notes += [note for order in orders.values() for note in order_note(order, names)]
+    notes += [note for order in orders.values() for note in order_note(order, names)] + pair_note(times_s)
     return ResultTable(rows=rows, notes=tuple(notes), conditions=conditions, orders=tuple(orders.values()))
 
 
@@ -243,16 +245,17 @@ def _valid(trial: Trial) -> list[Lap]:
 
 
 def _similarities(trial: Trial) -> Sample:
-    return Sample(values=tuple(percent for lap in _valid(trial) if (percent := official_percent(lap)) is not None))
+    percents = (official_percent(lap) for lap in _valid(trial))
+    return Sample(values=tuple(percent for percent in percents if percent is not None), pair=trial.seed)
 
 
 def _times(trial: Trial) -> Sample:
     laps = _valid(trial)
-    return Sample(values=tuple(map(official_s, laps)), sigmas=tuple(lap.sigma_s for lap in laps))
+    return Sample(values=tuple(map(official_s, laps)), sigmas=tuple(lap.sigma_s for lap in laps), pair=trial.seed)
 
 
 def _tally(trial: Trial) -> Tally:
-    return Tally(successes=len(_valid(trial)), attempts=trial.attempted_laps)
+    return Tally(successes=len(_valid(trial)), attempts=trial.attempted_laps, pair=trial.seed)
 
 
 def _key(trial: Trial, by: RowsBy) -> tuple[object, ...]:

@@ -6,11 +6,11 @@ Knows estimates and labels; knows no lap and no column.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dnb_edge.score.compare import Comparison, Estimate, Sample, compare
-from dnb_edge.score.ranking import RESAMPLES, Place, Ranking, mean_units, ranking, share_units
+from dnb_edge.score.ranking import RESAMPLES, Place, Ranking, joint_units, mean_units, ranking, share_units
 from dnb_edge.score.share import Share, Tally, compare_shares
 
 _MOST_NAMED = 8
@@ -37,22 +37,26 @@ class FigureOrder:
 
 
 def by_means(
-    figure: str, estimates: Sequence[Estimate | None], runs: Iterable[Iterable[Sample]], *, most_is_best: bool
+    figure: str, estimates: Sequence[Estimate | None], runs: Sequence[Sequence[Sample]], *, most_is_best: bool
 ) -> FigureOrder:
     """Rows by a mean: their estimates, and the runs that these were made of."""
     sign = -1.0 if most_is_best else 1.0
     means = [math.inf if one is None else sign * one.mean for one in estimates]
     order = _best_first(means)
-    comparison = _in_rows(compare([estimates[i] for i in order]), order)
-    places = ranking([mean_units(of_row) for of_row in runs], most_is_best=most_is_best)
+    comparison = _in_rows(compare([estimates[i] for i in order], [runs[i] for i in order]), order)
+    joint = joint_units(runs)
+    units = [mean_units(of_row) for of_row in runs] if joint is None else joint
+    places = ranking(units, most_is_best=most_is_best, joint=joint is not None)
     return FigureOrder(figure=figure, comparison=comparison, ranking=places)
 
 
-def by_shares(figure: str, shares: Sequence[Share | None], runs: Iterable[Iterable[Tally]]) -> FigureOrder:
+def by_shares(figure: str, shares: Sequence[Share | None], runs: Sequence[Sequence[Tally]]) -> FigureOrder:
     """Rows by a share of successes, the greatest first."""
     order = _best_first([math.inf if one is None else -one.share for one in shares])
     comparison = _in_rows(compare_shares([shares[i] for i in order]), order)
-    places = ranking([share_units(of_row) for of_row in runs], most_is_best=True)
+    joint = joint_units(runs)
+    units = [share_units(of_row) for of_row in runs] if joint is None else joint
+    places = ranking(units, most_is_best=True, joint=joint is not None)
     return FigureOrder(figure=figure, comparison=comparison, ranking=places)
 
 
@@ -71,6 +75,13 @@ def alike_notes(order: FigureOrder, labels: Sequence[str]) -> list[str]:
         names = ", ".join(labels[i] for i in sorted(comparison.untested))
         notes.append(f"One valid lap tells no spread, so not compared by {figure}: {names}")
     return notes
+
+
+def pair_note(runs: Sequence[Sequence[Sample]]) -> list[str]:
+    """Says so where rows are compared seed by seed: each row's runs of seeds of their own, the same as another row's."""
+    named = [{run.pair for run in of_row if run.pair is not None} for of_row in runs]
+    seeds = [frozenset(names) for names, of_row in zip(named, runs, strict=True) if len(names) == len(of_row) > 1]
+    return [] if len(set(seeds)) == len(seeds) else ["Runs of one seed are compared with each other"]
 
 
 def order_note(order: FigureOrder, labels: Sequence[str]) -> list[str]:

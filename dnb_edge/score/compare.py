@@ -33,6 +33,9 @@ class Sample:
     values: tuple[float, ...]
     sigmas: tuple[float, ...] = ()
     """One standard deviation of each value's measurement, or none at all where it is not known."""
+    pair: str | None = None
+    """What it shares with one run of each other candidate, such as a seed from which all conditions follow; None where it
+    shares nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +97,33 @@ def welch_p(one: Estimate, other: Estimate) -> float | None:
     return two_sided_p(apart / scale / math.sqrt(first + second), df)
 
 
+def paired_p(one: Sequence[Sample], other: Sequence[Sample]) -> float | None:
+    """As `welch_p`, of two candidates whose runs were driven in pairs under the very same conditions: Student's t test over the
+    differences within pairs, which what the pairs differ in cannot blur. None where they do not have the same pairs, or fewer
+    than two in which both have a value.
+
+    The spread of few differences may be small by chance: it is never taken for less than the measurement's.
+    """
+    of_one, of_other = _by_pair(one), _by_pair(other)
+    if of_one is None or of_other is None or set(of_one) != set(of_other):
+        return None
+    both = [pair for pair in sorted(of_one) if of_one[pair].values and of_other[pair].values]
+    differences = [_mean(of_one[pair].values) - _mean(of_other[pair].values) for pair in both]
+    spread = _sd(differences)
+    if spread is None:
+        return None
+    mean = abs(_mean(differences))
+    measured = math.hypot(*(_measured_error([of[pair] for pair in both]) for of in (of_one, of_other)))
+    errors = ((spread / math.sqrt(len(both)), len(both) - 1.0), (measured, math.inf))
+    return max(two_sided_p(mean / error, df) if error else float(mean == 0.0) for error, df in errors)
+
+
+def _by_pair(samples: Sequence[Sample]) -> dict[str, Sample] | None:
+    """The samples by what pairs them; None where one has none or shares it with another of these."""
+    found = {sample.pair: sample for sample in samples if sample.pair is not None}
+    return found if len(found) == len(samples) else None
+
+
 def holm(p_values: Mapping[Pair, float]) -> dict[Pair, float]:
     """The p values corrected for their number, so that all comparisons together raise a false alarm in 5 %.
 
@@ -140,15 +170,18 @@ def differs(p: float) -> bool:
     return p < 1 - CONFIDENCE
 
 
-def compare(estimates: Sequence[Estimate | None]) -> Comparison:
-    """Each candidate against each other: Welch's test with Holm's correction. None is a candidate without a value."""
+def compare(estimates: Sequence[Estimate | None], runs: Sequence[Sequence[Sample]] | None = None) -> Comparison:
+    """Each candidate against each other with Holm's correction: Welch's test, or of the differences within pairs where `runs`,
+    what the estimates were made of, come in pairs. None is a candidate without a value.
+    """
     tested = [i for i, one in enumerate(estimates) if one is not None and one.error is not None]
     raw = {}
     for i, j in combinations(tested, 2):
         one, other = estimates[i], estimates[j]
         assert one is not None, "only tested ones"
         assert other is not None, "only tested ones"
-        p = welch_p(one, other)
+        p = None if runs is None else paired_p(runs[i], runs[j])
+        p = welch_p(one, other) if p is None else p
         assert p is not None, "both have an interval"
         raw[i, j] = p
     return compared(raw, tested, candidates=len(estimates), untested=_without_interval(estimates))

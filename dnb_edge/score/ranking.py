@@ -3,7 +3,8 @@
 Knows numbers in groups, as `compare` does. The bootstrap of Efron, Ann. Stat. 7, 1 (1979), over runs where a candidate has
 several and over the laps of its only one. Each resample draws one unit fewer than there are, which gives means the spread that
 they have (McCarthy and Snowden, Vital and Health Statistics 2-95, 1985); as many as there are would show too little of it.
-Draws come from a fixed seed: the same runs give the same figures.
+Runs that come in pairs, one of each candidate under the very same conditions, are drawn together. Draws come from a fixed seed:
+the same runs give the same figures.
 """
 
 from __future__ import annotations
@@ -69,17 +70,41 @@ def share_units(runs: Iterable[Tally]) -> tuple[Unit, ...]:
     return tuple((float(run.successes), float(run.attempts)) for run in kept)
 
 
-def ranking(candidates: Sequence[Sequence[Unit]], *, most_is_best: bool, resamples: int = RESAMPLES) -> Ranking:
+def joint_units(runs: Sequence[Sequence[Sample | Tally]]) -> list[tuple[Unit, ...]] | None:
+    """The units of candidates whose runs all come in the same pairs, in the order of these, so that all can be drawn together;
+    a run without a value is a unit of nothing. None where they do not, or there are fewer than two.
+    """
+    pairs = [[run.pair for run in of_one] for of_one in runs]
+    names = {pair for of_one in pairs for pair in of_one if pair is not None}
+    if len(names) < 2 or any(set(of_one) != names or len(of_one) != len(names) for of_one in pairs):
+        return None
+    return [tuple(_unit(run) for run in sorted(of_one, key=lambda run: str(run.pair))) for of_one in runs]
+
+
+def _unit(run: Sample | Tally) -> Unit:
+    if isinstance(run, Tally):
+        return (float(run.successes), float(run.attempts))
+    return (math.fsum(run.values) / len(run.values), 1.0) if run.values else (0.0, 0.0)
+
+
+def ranking(
+    candidates: Sequence[Sequence[Unit]], *, most_is_best: bool, joint: bool = False, resamples: int = RESAMPLES
+) -> Ranking:
     """The order of `candidates` and how it holds. One without any unit comes last in every resample; one with a single unit, or
-    of which nobody else is to be compared with, has no place. The order of a candidate's units changes nothing.
+    of which nobody else is to be compared with, has no place. The order of a candidate's units changes nothing, unless they are
+    drawn together (`joint`, with units from `joint_units`): then a resample has the same runs of all.
     """
     ranked = [i for i, units in enumerate(candidates) if len(units) != 1]
-    if len(ranked) < 2 or not any(candidates[i] for i in ranked):
+    if len(ranked) < 2 or not any(weight for i in ranked for _, weight in candidates[i]):
         return Ranking(places=(None,) * len(candidates), order_share=None)
     sign = -1.0 if most_is_best else 1.0
-    drawn = np.stack([sign * _resampled(candidates[i], number, resamples) for number, i in enumerate(ranked)])
+    rows = [
+        _resampled(candidates[i], 0, resamples) if joint else _resampled(sorted(candidates[i]), number, resamples)
+        for number, i in enumerate(ranked)
+    ]
+    drawn = sign * np.stack(rows)
     drawn[~np.isfinite(drawn)] = np.inf
-    whole = np.array([sign * _figure(candidates[i]) if candidates[i] else np.inf for i in ranked])
+    whole = np.array([np.inf if (figure := _figure(candidates[i])) is None else sign * figure for i in ranked])
     ranks, own = _ranks(drawn), _ranks(whole[:, None])
     places: list[Place | None] = [None] * len(candidates)
     for row, i in enumerate(ranked):
@@ -87,20 +112,21 @@ def ranking(candidates: Sequence[Sequence[Unit]], *, most_is_best: bool, resampl
     return Ranking(places=tuple(places), order_share=float((ranks == own).all(axis=0).mean()))
 
 
-def _figure(units: Sequence[Unit]) -> float:
-    return math.fsum(value for value, _ in units) / math.fsum(weight for _, weight in units)
+def _figure(units: Sequence[Unit]) -> float | None:
+    """None where the units come to nothing."""
+    weight = math.fsum(weight for _, weight in units)
+    return math.fsum(value for value, _ in units) / weight if weight else None
 
 
 def _resampled(units: Sequence[Unit], number: int, resamples: int) -> _Values:
-    """The figure in each resample; NaN where there is no unit."""
+    """The figure in each resample; NaN where there is none."""
     if not units:
         return np.full(resamples, np.nan)
-    values = np.array(sorted(units))
     draw = np.random.Generator(np.random.PCG64((_SEED, number)))
-    sums = values[draw.integers(len(units), size=(resamples, len(units) - 1))].sum(axis=1)
+    sums = np.array(units)[draw.integers(len(units), size=(resamples, len(units) - 1))].sum(axis=1)
     # Rounded, so that equal draws in another order are equal.
-    figures: _Values = np.round(sums[:, 0] / sums[:, 1], 9)
-    return figures
+    figures: _Values = np.divide(sums[:, 0], sums[:, 1], out=np.full(resamples, np.nan), where=sums[:, 1] > 0.0)
+    return figures.round(9)
 
 
 def _ranks(figures: _Values) -> NDArray[np.int64]:

@@ -21,6 +21,8 @@ class Tally:
 
     successes: int
     attempts: int
+    pair: str | None = None
+    """As in `compare.Sample`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

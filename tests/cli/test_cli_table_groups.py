@@ -94,6 +94,10 @@ def test_seeds_of_a_task_are_one_group_and_tasks_are_not(tmp_path: Path) -> None
         ("net (simulated)", 2, True),
         ("pilot", 1, False),
     ]
+    again = record(tmp_path, "5.mcap", STEADY, source=loop("lane-following", 1))
+    assert table(one, two, real).stderr == ""
+    assert f"{one} and {again}: both are seed 1 of net: leave one out" in table(again, two, one).stderr
+    assert [raced(replay(path)).trials[0].seed for path in (one, two, real)] == ["1", "2", None]
     refused = table(one, dark).exception
     assert isinstance(refused, InputError)
     assert "different tasks (lane-following and changing-light): compare one task at a time" in str(refused)

@@ -239,6 +239,23 @@ def test_the_order_and_how_often_it_holds_is_said() -> None:
     assert not [note for note in table.notes if "Order by success" in note]
 
 
+def test_runs_of_one_seed_are_compared_with_each_other() -> None:
+    """Seeds under which both are slow or fast: told apart by their differences, and a note says that pairs were; not so where
+    one of them drove other seeds."""
+
+    def driven(name: str, more_s: float, seeds: str) -> list[Trial]:
+        return [trial(name, lap(10.0 + int(seed) + more_s, 90.0), run=f"{name}{seed}", seed=seed) for seed in seeds]
+
+    told = "Runs of one seed are compared with each other"
+    paired = result_table([*driven("a", 0.0, "12345"), *driven("b", 0.2, "12345")])
+    assert [row.completion_time_group for row in paired.rows] == ["a", "b"]
+    assert paired.rows[0].completion_time_rank_share == 1.0
+    assert told in paired.notes
+    other = result_table([*driven("a", 0.0, "12345"), *driven("b", 0.2, "12346")])
+    assert [row.completion_time_group for row in other.rows] == ["a", "a"]
+    assert told not in other.notes
+
+
 def test_reality_and_simulation_are_two_rows() -> None:
     """An entry that drove in both is told apart by its label; where only one world takes part nothing is said of it."""
     both = [trial("net", *laps_of(10.0)), trial("net", *laps_of(9.0), simulated=True)]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from dnb_edge.score.compare import Estimate, Sample, compare, differs, estimate, holm, letter_groups, welch_p
+from dnb_edge.score.compare import Estimate, Sample, compare, differs, estimate, holm, letter_groups, paired_p, welch_p
 
 TRIALS = 4000
 
@@ -202,3 +202,62 @@ def test_the_order_of_runs_and_laps_changes_not_a_bit(runs: list[list[float]], s
     one, other = (estimate([Sample(values=tuple(run)) for run in order]) for order in (runs, shuffled))
     assert one == other
     assert one is None or math.isfinite(one.mean)
+
+
+def in_pairs(values: list[float], *, sigma: float | None = None, names: str = "abcdefgh") -> list[Sample]:
+    sigmas = () if sigma is None else (sigma,)
+    return [Sample(values=(value,), sigmas=sigmas, pair=name) for value, name in zip(values, names, strict=False)]
+
+
+@given(one=FIGURES, other=FIGURES)
+def test_pairs_are_compared_as_scipy_does(one: list[float], other: list[float]) -> None:
+    """Runs in pairs: the p value of `scipy.stats.ttest_rel`, in whatever order they come."""
+    count = min(len(one), len(other))
+    if np.std(np.subtract(one[:count], other[:count])) < 1e-3:
+        return
+    first, second = in_pairs(one[:count]), in_pairs(other[:count])
+    expected = stats.ttest_rel(one[:count], other[:count]).pvalue
+    assert paired_p(first, second) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    assert paired_p(first[::-1], second) == paired_p(first, second) == paired_p(second, first)
+
+
+def test_what_pairs_differ_in_does_not_blur_them() -> None:
+    """Seeds that make everybody slow or fast: two that Welch cannot part are told apart pair by pair, with a candidate that has
+    no pairs as before; and alike ones are not."""
+    rng = np.random.default_rng(9)
+    seeds = rng.normal(0.0, 1.0, 8)
+    runs = [in_pairs((10.0 + shift + seeds + rng.normal(0, 0.05, 8)).tolist()) for shift in (0.0, 0.3, 0.0)]
+    runs.append([Sample(values=(10.0 + value,)) for value in seeds])
+    estimates = [estimate(of_one) for of_one in runs]
+    assert len(compare(estimates).groups) == 1
+    found = compare(estimates, runs)
+    assert {pair for pair, p in found.p.items() if differs(p)} == {(0, 1), (1, 2)}
+
+
+def test_alike_pairs_raise_a_false_alarm_in_5_percent() -> None:
+    """Seeds with ten times the spread of drivers: 3.5 to 6.5 of 100 alike pairs of entries are told apart."""
+    rng = np.random.default_rng(10)
+    alarms = 0
+    for _ in range(TRIALS):
+        seeds = rng.normal(50.0, 1.0, 6)
+        p = paired_p(*(in_pairs((seeds + rng.normal(0.0, 0.1, 6)).tolist()) for _ in range(2)))
+        alarms += p is not None and p < 0.05
+    assert 0.035 <= alarms / TRIALS <= 0.065
+
+
+def test_what_is_no_pair() -> None:
+    """Other seeds, one seed twice, none, or fewer than two with a value: no pairs. A failed run leaves its pair out."""
+    pairs = in_pairs([1.0, 2.0, 3.5])
+    assert paired_p(pairs, in_pairs([1.0, 2.0, 3.0], names="abx")) is None
+    assert paired_p(pairs, in_pairs([1.0, 2.0, 3.0], names="aab")) is None
+    assert paired_p(pairs, [Sample(values=(1.0,))] * 3) is None
+    assert paired_p(pairs[:1], pairs[:1]) is None
+    failed = [*in_pairs([1.1, 2.3]), Sample(values=(), pair="c")]
+    assert paired_p(pairs, failed) == paired_p(pairs[:2], failed[:2])
+
+
+def test_pairs_are_known_no_better_than_they_were_measured() -> None:
+    """Differences that agree by chance have the measurement's error: 0.05 s of two sigmas of 0.03 s, three times over."""
+    p = paired_p(in_pairs([10.0, 11.0, 12.0], sigma=0.03), in_pairs([10.05, 11.05, 12.05], sigma=0.03))
+    assert p == pytest.approx(2 * stats.norm.sf(0.05 / math.hypot(0.03, 0.03) * math.sqrt(3)), rel=1e-6)
+    assert paired_p(in_pairs([10.0, 11.0]), in_pairs([10.0, 11.0])) == 1.0

@@ -1,6 +1,7 @@
 """Ranks over resamples: as sure as the runs make them, ties shared, nothing depends on order."""
 
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnb_edge.score.compare import Sample
-from dnb_edge.score.ranking import Ranking, _resampled, mean_units, ranking, share_units
+from dnb_edge.score.ranking import Ranking, _resampled, joint_units, mean_units, ranking, share_units
 from dnb_edge.score.share import Tally
 
 
@@ -60,6 +61,42 @@ def test_resampled_means_spread_as_means_do(runs: int) -> None:
     values = np.random.default_rng(6).normal(10.0, 1.0, runs)
     means = _resampled(of_runs(*values), 0, 20_000)
     assert means.var() == pytest.approx(values.var(ddof=1) / runs, rel=0.04)
+
+
+def test_runs_in_pairs_are_drawn_together() -> None:
+    """Seeds that make everybody slow or fast cannot change an order that each of them confirms; drawn apart they would."""
+    seeds = np.random.default_rng(7).normal(0.0, 1.0, 10)
+    runs = [
+        [Sample(values=(10.0 + shift + value,), pair=str(k)) for k, value in enumerate(seeds)] for shift in (0.0, 0.1)
+    ]
+    joint = joint_units([runs[0], runs[1][::-1]])
+    assert joint is not None
+    assert ranking(joint, most_is_best=False, joint=True).order_share == 1.0
+    apart = ranking([mean_units(of_one) for of_one in runs], most_is_best=False).order_share
+    assert apart is not None
+    assert apart < 0.8
+
+
+def test_a_run_that_failed_is_drawn_and_comes_to_nothing() -> None:
+    """Whoever has no lap in any drawn run is last in that resample; who has none at all, in all of them."""
+    whole = [Sample(values=(10.0 + k,), pair=str(k)) for k in range(2)]
+    half = [Sample(values=(1.0,), pair="0"), Sample(values=(), pair="1")]
+    joint = joint_units([whole, half, [replace(one, values=()) for one in whole]])
+    assert joint is not None
+    found = ranking(joint, most_is_best=False, joint=True)
+    assert ranks(found) == [2, 1, 3]
+    assert found.order_share == pytest.approx(0.5, abs=0.05)
+    nothing = [joint[2], joint[2]]
+    assert ranking(nothing, most_is_best=False, joint=True).order_share is None
+
+
+def test_what_is_not_drawn_together() -> None:
+    """Other seeds, one twice, none, or a single one; tallies as samples."""
+    one, two = Tally(successes=1, attempts=2, pair="1"), Tally(successes=2, attempts=2, pair="2")
+    assert joint_units([[one, two], [two, one]]) == [((1.0, 2.0), (2.0, 2.0))] * 2
+    bare = Tally(successes=1, attempts=2)
+    for runs in ([[one, two], [one]], [[one, two], [one, one]], [[bare, two], [one, two]], [[one], [one]], [[], []]):
+        assert joint_units(runs) is None
 
 
 def test_the_best_is_the_first_either_way() -> None:
