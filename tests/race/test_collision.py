@@ -56,6 +56,13 @@ def test_a_car_hits_what_its_footprint_comes_near(beside_m: float, hits: int) ->
     assert all(one.worst_t_ns * 1e-9 == pytest.approx((1.0 + 0.1) / 0.5, abs=0.1) for one in found)
 
 
+@pytest.mark.parametrize(("collision_m", "hits"), [(0.0, 0), (0.01, 1), (0.02, 1)])
+def test_how_near_is_a_hit_is_a_rule(collision_m: float, hits: int) -> None:
+    """An obstacle 7 mm beside the car's side, on a bend so wide that its corners come 2 mm nearer."""
+    limits = rules((1.0, 4.0 + TOUCHES_M + 0.007), collision_m=collision_m)
+    assert len(collisions(drive(ring(4.0), lambda t: at(0.5 * t - 0.1, 4.0), seconds=4, rules=limits))) == hits
+
+
 @pytest.mark.parametrize("fps", [5.0, 10.0, 30.0])
 def test_a_thin_thing_is_not_jumped_over_between_two_frames(fps: float) -> None:
     """At 3 m/s and 5 frames per second the car goes 0.6 m a frame, more than its length: what stands there is hit."""
