@@ -78,3 +78,11 @@ def test_a_task_that_is_not_there_is_told(word: str, told: str) -> None:
     """With those that there are."""
     with pytest.raises(InputError, match=told):
         load_task(word)
+
+
+def test_the_pages_example_is_a_task(tmp_path: Path) -> None:
+    """What docs/ranking.md shows can be driven."""
+    page = (OWN.parents[2] / "docs" / "ranking.md").read_text(encoding="utf-8")
+    (tmp_path / "dim.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
+    loop = load_task(str(tmp_path / "dim.yaml")).loop(4)
+    assert (loop.light.depth, loop.delay_s, len(loop.obstacles)) == (0.6, 0.08, 2)
