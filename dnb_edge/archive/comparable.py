@@ -20,6 +20,8 @@ from dnb_edge.errors import InputError
 from dnb_edge.record.identity import rules_of
 from dnb_edge.report.table import printable
 from dnb_edge.track.model import Track
+from dnb_edge.values import Points, path_points
+from dnb_edge.view.ground import GroundMap
 
 _SAME_M = 1e-4
 """What lies nowhere further apart is the same, metres: a track and a calibration come of linear algebra, whose last digits are
@@ -158,14 +160,22 @@ def _same_track(one: Track, other: Track) -> bool:
 
 
 def _same_calibration(one: Raced, other: Raced) -> bool:
-    """Whether the picture lies the same on the floor in two runs, all along the route."""
+    """Whether every camera's picture lies the same on the floor in two runs, all along the route."""
     if one.identity.calibration == other.identity.calibration:
         return True
-    first, second, route_m = one.setup.ground, other.setup.ground, one.setup.track.centreline.points_m
+    views, route_m = (one.setup.views, other.setup.views), one.setup.track.centreline.points_m
+    return len(views[0]) == len(views[1]) and all(
+        _same_map(first.ground, second.ground, route_m) for first, second in zip(*views, strict=True)
+    )
+
+
+def _same_map(first: GroundMap, second: GroundMap, route_m: Points) -> bool:
     if (first.width_px, first.height_px) != (second.width_px, second.height_px):
         return False
-    picture_px = first.to_camera_px(route_m)
-    return bool(second.sees_ground(picture_px).all()) and _near(second.to_track_m(picture_px), route_m)
+    seen = [(px, point) for point in route_m.tolist() if (px := first.point_to_camera_px(point)) is not None]
+    picture_px = path_points([px for px, _ in seen])
+    floor_m = path_points([point for _, point in seen])
+    return bool(second.sees_ground(picture_px).all()) and _near(second.to_track_m(picture_px), floor_m)
 
 
 def _near(one: ArrayLike, other: ArrayLike) -> bool:
