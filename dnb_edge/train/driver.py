@@ -41,14 +41,14 @@ class Course:
 
     drives: int = 36
     """Of the expert, before the network drives."""
-    rounds: int = 5
+    rounds: int = 3
     """In which the network drives and learns again."""
     round_drives: int = 20
-    pictures: int = 400
+    pictures: int = 300
     """At most, of one drive."""
-    round_steps: int = 800
+    round_steps: int = 500
     """Batches learnt before the network drives, and in each round."""
-    last_steps: int = 5000
+    last_steps: int = 4500
     """Batches learnt at the end, from everything."""
     held_out: int = 30
     """Seeds to measure on."""

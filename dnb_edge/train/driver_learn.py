@@ -19,7 +19,7 @@ from dnb_edge.sim.control import Control, Sight
 from dnb_edge.train.driver_data import Lessons, to_pixels
 from dnb_edge.train.driver_network import DriverNet
 
-BATCH = 128
+BATCH = 64
 PEAK_RATE = 2e-3
 STEERING_WEIGHT = 3.0
 """How much more an error of steering counts than one of throttle."""
