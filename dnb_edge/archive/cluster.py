@@ -176,8 +176,9 @@ def crew(scheduler: str | None, workers: int | None = None) -> Iterator[Crew]:
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address=None,
-                worker_dashboard_address=None,
+                # Each has its pages whether they are wanted or not: on any free port, for this machine alone.
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
             )
         stack.enter_context(cluster)

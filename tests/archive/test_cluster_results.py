@@ -205,5 +205,4 @@ def test_a_sweep_has_a_picture_whatever_its_keys(keys, values) -> None:
         for value in values
         for other in others
     ]
-    assert sweep_picture(rows).startswith(b"\x89PNG")
     assert b"<svg" in sweep_picture(rows, picture_format="svg")

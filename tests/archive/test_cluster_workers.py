@@ -178,7 +178,8 @@ def test_a_scheduler_without_workers_is_told(tmp_path: Path, monkeypatch) -> Non
 
 
 def test_ctrl_c_leaves_no_file_and_no_process(archive: Path, tmp_path: Path) -> None:
-    """As a terminal sends it, to the command and its workers alike: code 130, nothing of the results, no traceback."""
+    """As a terminal sends it, to the command and its workers alike: code 130, nothing of the results, no traceback. While they
+    work, none of them listens to other machines."""
     many = [archive / "run-0.mcap"]
     for place in range(300):
         os.link(many[0], tmp_path / f"{place}.mcap")
@@ -186,17 +187,18 @@ def test_ctrl_c_leaves_no_file_and_no_process(archive: Path, tmp_path: Path) -> 
     out.parent.mkdir()
     with (tmp_path / "err").open("wb") as err:
         process = subprocess.Popen(
-            [*edge_command.COMMAND, "score", str(tmp_path), "--out", str(out), "--workers", "2"],
+            [*edge_command.COMMAND, "score", str(tmp_path), "--out", str(out), "--workers", "1"],
             env=edge_command.environment(),
             stdout=subprocess.PIPE,
             stderr=err,
             start_new_session=True,
         )
     ends = time.monotonic() + PATIENCE_S
-    while len(children := children_of(process.pid)) < 3 and time.monotonic() < ends:
+    while len(children := children_of(process.pid)) < 2 and time.monotonic() < ends:
         time.sleep(0.05)
     assert len(list(out.parent.iterdir())) == 2
     time.sleep(1.0)
+    assert set(listening(process.pid, *children)) == {"0100007F"}
     os.killpg(process.pid, signal.SIGINT)
     said, _ = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, said) == (130, b"")
@@ -205,6 +207,13 @@ def test_ctrl_c_leaves_no_file_and_no_process(archive: Path, tmp_path: Path) -> 
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < ends
         time.sleep(0.05)
+
+
+def listening(*pids: int) -> list[str]:
+    """The addresses, as the kernel writes them, at which these processes listen."""
+    opened = {link.readlink().name for pid in pids for link in Path(f"/proc/{pid}/fd").iterdir() if link.is_symlink()}
+    rows = [line.split() for family in ("tcp", "tcp6") for line in Path(f"/proc/net/{family}").read_text().splitlines()]
+    return [row[1].partition(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in opened]
 
 
 def children_of(pid: int) -> list[int]:
