@@ -165,6 +165,8 @@ def test_every_combination_is_raced(run: Path) -> None:
     alone = Wanted(rules="deepracer", overrides=("score.baseline_m=0.25",))
     again = [event for event in replay(run, changed=alone.change(run)).events if isinstance(event, Lap)]
     assert [row["similarity_percent"] for row in found[2].laps] == [lap.similarity_percent for lap in again]
+    both = settings(Wanted(overrides=("race.max_lap_s=1.5",)), parse_grid(["race.min_lap_s=1,1.2"]))
+    assert [one.laps[0]["valid"] for one in scored(run, *both)] == [False, False]
     with pytest.raises(InputError, match="rule sets are in --grid already"):
         settings(alone, parse_grid(["rules=practice,deepracer"]))
 
