@@ -35,7 +35,7 @@ from dnb_edge.sim.rig import TrueLap
 from dnb_edge.sim.task import LoopTask
 from dnb_edge.sim.witness import LoopTruth
 from dnb_edge.truth.campaign import code_sha256, model_sha256
-from dnb_edge.values import Crossing, Event, Frame, FrameDetections, Incident, IncidentKind, Lap, PassStatus, Standings
+from dnb_edge.values import Crossing, Event, Frame, FrameDetections, Incident, IncidentKind, Lap, PassStatus
 
 SCRATCH_PREFIX = ".driving-"
 """Folders of drives that are not finished, in the campaign's directory."""
@@ -133,21 +133,18 @@ class _Heard:
         self.laps: list[Lap] = []
         self.incidents: list[Incident] = []
         self.began_s: float | None = None
-        self.dnf: str | None = None
 
     def frame(self, frame: Frame, found: FrameDetections) -> None:
         """Nothing is kept of frames."""
 
     def event(self, event: Event) -> None:
-        """Keeps laps, incidents, when the first lap began, and whether the rules took the car out."""
+        """Keeps laps, incidents, and when the first lap began."""
         if isinstance(event, Lap):
             self.laps.append(event)
         elif isinstance(event, Incident):
             self.incidents.append(event)
         elif isinstance(event, Crossing) and event.status is PassStatus.START and self.began_s is None:
             self.began_s = event.t_s
-        elif isinstance(event, Standings) and event.rows:
-            self.dnf = event.rows[0].dnf
 
 
 def _result(

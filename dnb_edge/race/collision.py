@@ -99,12 +99,15 @@ class Collision:
 
     def close(self) -> Draft | None:
         """The hit so far, if there is one; it is over."""
-        draft = self.so_far()
+        draft = self._draft()
         self._first, self._worst = None, None
         return draft
 
     def so_far(self) -> Draft | None:
-        """The same, while it may go on."""
+        """The same, while it may go on; one of which there is a single fix so far is waited with: that may be the last."""
+        return None if self._first is None or self._first.t_ns == self._last_t_ns else self._draft()
+
+    def _draft(self) -> Draft | None:
         first, worst = self._first, self._worst
         if first is None or worst is None:
             return None

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from race_drive import at, drive, incidents_of, laps_of, ring
 
 from dnb_edge.race.car import Passed
-from dnb_edge.race.collision import JOIN_S, Footprint
+from dnb_edge.race.collision import JOIN_S, Collision, Footprint
+from dnb_edge.race.fix import Fix
 from dnb_edge.race.rules import LapRules, Obstacle
 from dnb_edge.values import Incident, IncidentKind
 
@@ -29,6 +30,13 @@ def rules(*obstacles: tuple[float, float], collision_m: float = 0.01) -> LapRule
         collision_m=collision_m,
         off_lane_margin_m=1.0,
     )
+
+
+def fix_at(t_s: float) -> Fix:
+    return Fix(
+        t_ns=round(t_s * 1e9), t_s=t_s, target_id=1, observed_m=(0.0, 0.0), covariance_m2=(1e-6, 0.0, 1e-6), track_m=(0.0, 0.0),
+        s_m=0.0, d_m=0.0, outside_m=-0.1, progress_m=0.0,
+    )  # fmt: skip
 
 
 def collisions(told: list[Passed]) -> list[Incident]:
@@ -97,6 +105,21 @@ def test_a_car_that_stays_against_it_is_told_of_at_the_end() -> None:
     """Stuck until the last frame, in its first lap: the incident comes with the end, and with it that the car stood."""
     told = drive(ring(), lambda t: at(min(t - 0.2, 0.85)), seconds=8, rules=rules((1.0, 1.0)))
     assert {one.kind for one in incidents_of(told)} == {IncidentKind.COLLISION, IncidentKind.STALLED}
+
+
+def test_a_hit_that_goes_on_is_told_from_its_second_fix_on() -> None:
+    """A race that a hit ends must hear of it before the car is free, and not for one fix that may be a slip."""
+    watch = Collision(rules((1.0, 1.0)), 0)
+    near, far = ((Footprint(centre_m=at(angle), heading_rad=0.0, length_m=0.2, width_m=0.1),) for angle in (1.0, 2.0))
+    told = []
+    for k, swept in enumerate((far, near, near, far)):
+        assert watch.feed(fix_at(k / 30), swept) is None
+        told.append(watch.so_far())
+    assert [one is not None for one in told] == [False, False, True, True]
+    assert told[2] is not None
+    assert told[2].start_t_ns < told[2].end_t_ns
+    assert watch.close() == told[3]
+    assert watch.close() is None
 
 
 def test_noise_of_a_few_millimetres_makes_no_hit() -> None:
