@@ -249,7 +249,8 @@ def test_what_is_no_pair() -> None:
     """Other seeds, one seed twice, none, or fewer than two with a value: no pairs. A failed run leaves its pair out."""
     pairs = in_pairs([1.0, 2.0, 3.5])
     assert paired_p(pairs, in_pairs([1.0, 2.0, 3.0], names="abx")) is None
-    assert paired_p(pairs, in_pairs([1.0, 2.0, 3.0], names="aab")) is None
+    twice = in_pairs([1.0, 2.0, 3.0], names="aab")
+    assert paired_p(twice, twice) is None
     assert paired_p(pairs, [Sample(values=(1.0,))] * 3) is None
     assert paired_p(pairs[:1], pairs[:1]) is None
     failed = [*in_pairs([1.1, 2.3]), Sample(values=(), pair="c")]
