@@ -66,7 +66,7 @@ def to_pixels(bgr: BgrImage) -> NDArray[np.uint8]:
 
 
 def lesson_task(seed: int) -> LoopTask:
-    """The drive that `seed` makes: a place, a delay, in most of them things on the lane, in half light that changes."""
+    """The drive that `seed` makes: a place, a delay, in half of them things on the lane, in half light that changes."""
     random = np.random.default_rng([seed, 91])
     where = _PLACES[int(random.integers(len(_PLACES)))]
     count = _OBSTACLE_COUNTS[where] if random.random() < 0.6 else 0
