@@ -20,13 +20,14 @@ AARCH64_DEMO_FLAGS ?=
 FUZZ_FLAGS ?=
 SYSTEM_TESTS ?= tests/system --ignore=tests/system/test_quick_start.py
 PYTEST_FLAGS ?=
+LAB_TESTS := tests/archive tests/fleet tests/nut tests/vehicle tests/cli/test_cli_nut_drive.py tests/sim/test_world_drive.py
 export PYTHON VENV_FLAGS TORCH_INDEX
 
 BIN := .venv/bin
 LOCKED := pyproject.toml constraints.txt .ci/install
 say = @printf '\n== %s\n' "$(1)"
 
-.PHONY: help demo test lint format train train-driver hardware hardware-check docs-check install-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
+.PHONY: help demo test lab-check lint format train train-driver hardware hardware-check docs-check install-check docs docs-pages docs-links fuzz screenshots aarch64-check system-test quick-start-test lock clean
 
 help: ## List the targets
 	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-14s %s\n", $$1, $$2 }'
@@ -37,7 +38,11 @@ demo: .venv/.demo-installed ## A simulated race: live board, recording and repor
 
 test: lint ## Lint, then the product's tests on two cores (three at once: some wait for a clock); see the other checks below
 	$(call say,pytest)
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 3 --ignore=tests/docs --ignore=tests/install $(PYTEST_FLAGS)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 3 --ignore=tests/docs --ignore=tests/install $(LAB_TESTS:%=--ignore=%) $(PYTEST_FLAGS)
+
+lab-check: .venv/.test-installed ## Networks under test, the closed loop, vehicles, fleets and archives: tests that start many processes
+	$(call say,pytest $(LAB_TESTS))
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -q -n 2 $(PYTEST_FLAGS) $(LAB_TESTS)
 
 docs-check: .venv/.test-installed ## The documentation: its site, links, pictures, made pages, and its examples run
 	$(call say,pytest tests/docs)

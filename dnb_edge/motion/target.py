@@ -21,7 +21,7 @@ PENDING_KEPT = 300
 
 MAPS_SIGMA_M = 0.01
 """By so much two cameras' maps of one floor disagree, one standard deviation along either axis: eight keypoints that were
-clicked to a pixel leave 5 to 10 mm from 2.4 m above."""
+clicked to a pixel leave 5 to 10 mm from 2.5 m above."""
 
 PARKED_AFTER_S = 5.0
 """Time after which something car-like that has been seen and has not moved is listed as parked."""

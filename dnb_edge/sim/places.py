@@ -118,10 +118,10 @@ _HALL_HFOV_DEG = 64.0
 
 
 def _hall_camera(x_m: float, *, pictures: int = 1, yaw_deg: float = 0.0) -> PinholeCamera:
-    """A camera 2.4 m above one side of the hall; `pictures` beside each other make one as wide, with pixels as fine."""
+    """A camera 2.5 m above one side of the hall; `pictures` beside each other make one as wide, with pixels as fine."""
     hfov_deg = math.degrees(2.0 * math.atan(pictures * math.tan(math.radians(_HALL_HFOV_DEG / 2.0))))
     return mast_camera(
-        position_m=(x_m, -0.25, 2.4), pitch_deg=60.0, yaw_deg=yaw_deg, hfov_deg=hfov_deg, size_px=(pictures * 1280, 720)
+        position_m=(x_m, -0.4, 2.5), pitch_deg=59.0, yaw_deg=yaw_deg, hfov_deg=hfov_deg, size_px=(pictures * 1280, 720)
     )
 
 

@@ -81,7 +81,7 @@ def test_no_car_moves_a_lap(gateway: tuple[Path, int], tmp_path: Path) -> None:
     ended = threading.Event()
     flooder = threading.Thread(target=flood, args=(port, ended))
     words = ["stop"]
-    with closing(Vehicle("127.0.0.1", port, car=1)) as car:
+    with closing(Vehicle("127.0.0.1", port, car=2)) as car:
         flooded = dnb_edge(
             "run", "--config", config, "--source", SOURCE.format(pace=3), "--record", tmp_path / "runs", "--live", path,
             "--json", stderr=subprocess.DEVNULL,
@@ -108,6 +108,6 @@ def test_no_car_moves_a_lap(gateway: tuple[Path, int], tmp_path: Path) -> None:
     again = [json.loads(wire.event_to_json(event)) for event in replay(recording).events]
     assert results(again) == results(events_of(said))
     told = list(iter_told(recording, VehicleReport))
-    assert {report.car for report in told} <= {1, 98}
+    assert {report.car for report in told} <= {1, 2, 98}
     assert (12.5, -0.25, 0.5) in {(report.inference_ms, report.steering, report.throttle) for report in told}
     assert max(report.refused for report in told) > len(told)

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -49,6 +50,13 @@ def test_one_command_races_with_pages_that_are_told_until_ctrl_c(tmp_path: Path)
             with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10.0) as answer:
                 return str(answer.read().decode())
 
+        def is_there() -> bool:
+            # Its address is told before it listens.
+            with contextlib.suppress(urllib.error.URLError):
+                return bool(asked("/login"))
+            return False
+
+        wait_until(is_there, log.read_text)
         wait_until(lambda: '"racing"' in asked("/api/v1/state"), log.read_text)
         assert "Log in" in asked("/login")
         wait_until(lambda: re.search(r"set-up code \d{4} \d{4}", log.read_text()), log.read_text)
