@@ -65,6 +65,8 @@ def flood(port: int, ended: threading.Event) -> None:
         b'{"car": 98, "inference_ms": 5}',
     ]
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as sender:
+        # Another machine than the honest car's: what one sends too much is at its own cost.
+        sender.bind(("127.0.0.2", 0))
         while not ended.wait(0.001):
             for line in lines * 4:
                 sender.sendto(line, ("127.0.0.1", port))
